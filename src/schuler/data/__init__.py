@@ -1,0 +1,14 @@
+"""What was measured and what was solved: frozen records of float64 arrays."""
+
+from schuler.data.gnss import GnssRecording
+from schuler.data.imu import CHANNELS, ImuRecording
+from schuler.data.trajectory import Innovations, NavigationSolution, Trajectory
+
+__all__ = [
+    "CHANNELS",
+    "GnssRecording",
+    "ImuRecording",
+    "Innovations",
+    "NavigationSolution",
+    "Trajectory",
+]

@@ -1,0 +1,174 @@
+"""What was solved or is true: a trajectory, and a navigation solution with its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data._checks import FloatArray, check_finite, check_time, frozen
+from schuler.errors import InputError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Position, velocity and attitude of the IMU over time.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        Seconds, strictly increasing.
+    position : (n, 3) ndarray
+        Latitude rad, longitude rad, height m (WGS-84).
+    velocity : (n, 3) ndarray
+        North, east, down in m/s.
+    rotation : (n, 3, 3) ndarray
+        C_nb, takes body vectors into north-east-down.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    rotation: FloatArray
+
+    def __post_init__(self) -> None:
+        time = frozen(self.time, "trajectory time", (None,))
+        check_time(time, "trajectory")
+        n = time.size
+        set_ = object.__setattr__
+        set_(self, "time", time)
+        for what, shape in (
+            ("position", (n, 3)),
+            ("velocity", (n, 3)),
+            ("rotation", (n, 3, 3)),
+        ):
+            array = frozen(getattr(self, what), f"trajectory {what}", shape)
+            check_finite(array, f"trajectory {what}")
+            set_(self, what, array)
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return int(self.time.size)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Innovations:
+    """Every aiding update of a run: what was measured minus what was predicted.
+
+    Parameters
+    ----------
+    time : (u,) ndarray
+        Seconds.
+    kind : tuple of str
+        Name of the measurement of each update, e.g. "gnss position".
+    value : (u, 3) ndarray
+        Predicted minus measured; NaN for components not measured.
+    sd : (u, 3) ndarray
+        Claimed standard deviation of each component, NaN as above.
+    nis : (u,) ndarray
+        Normalised innovation squared of the whole vector.
+    degrees : (u,) ndarray of int
+        Its degrees of freedom.
+    accepted : (u,) ndarray of bool
+        False where the gate kept the update out.
+    """
+
+    time: FloatArray
+    kind: tuple[str, ...]
+    value: FloatArray
+    sd: FloatArray
+    nis: FloatArray
+    degrees: NDArray[np.int64]
+    accepted: NDArray[np.bool_]
+
+    def of_kind(self, kind: str) -> Innovations:
+        """Return the updates of one kind.
+
+        Parameters
+        ----------
+        kind : str
+            As in `kind`.
+
+        Returns
+        -------
+        Innovations
+            The part, perhaps empty.
+        """
+        pick = np.array([k == kind for k in self.kind], dtype=bool)
+        return Innovations(
+            time=self.time[pick],
+            kind=tuple(k for k in self.kind if k == kind),
+            value=self.value[pick],
+            sd=self.sd[pick],
+            nis=self.nis[pick],
+            degrees=self.degrees[pick],
+            accepted=self.accepted[pick],
+        )
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of the kinds that occur, in order of first use."""
+        return tuple(dict.fromkeys(self.kind))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavigationSolution:
+    """A trajectory with what the filter claims to know about it.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        At the rate of the IMU.
+    position_covariance : (n, 3, 3) ndarray
+        North, east, down, m².
+    velocity_sd : (n, 3) ndarray
+        North, east, down, m/s.
+    attitude_sd : (n, 3) ndarray
+        Small angles about north, east, down, rad.
+    sensor_error_time : (m,) ndarray
+        Seconds.
+    sensor_errors : (m, s) ndarray
+        Estimated sensor error states, SI.
+    sensor_errors_sd : (m, s) ndarray
+        Their standard deviations.
+    sensor_error_names : tuple of str
+        E.g. "accel_x random walk".
+    innovations : Innovations
+        Every update.
+    settings : dict
+        Everything the run depended on, as plain JSON values.
+    smoothed : bool
+        True when future data were used.
+    log_likelihood : float
+        Of the accepted innovations.
+    """
+
+    trajectory: Trajectory
+    position_covariance: FloatArray
+    velocity_sd: FloatArray
+    attitude_sd: FloatArray
+    sensor_error_time: FloatArray
+    sensor_errors: FloatArray
+    sensor_errors_sd: FloatArray
+    sensor_error_names: tuple[str, ...]
+    innovations: Innovations
+    settings: dict[str, Any] = field(default_factory=dict)
+    smoothed: bool = False
+    log_likelihood: float = float("nan")
+
+    def __post_init__(self) -> None:
+        n = self.trajectory.size
+        if self.position_covariance.shape != (n, 3, 3):
+            raise InputError(
+                f"position covariance has shape {self.position_covariance.shape}",
+                expected=f"({n}, 3, 3)",
+            )
+
+    @property
+    def position_sd(self) -> FloatArray:
+        """Standard deviations of position north, east, down, m, (n, 3)."""
+        diagonal = np.diagonal(self.position_covariance, axis1=1, axis2=2)
+        return np.sqrt(np.maximum(diagonal, 0.0))

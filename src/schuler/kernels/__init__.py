@@ -1,0 +1,1 @@
+"""Every Numba function, and nothing else: plain arrays in, plain arrays out."""

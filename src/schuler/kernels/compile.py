@@ -1,0 +1,97 @@
+"""The one decorator that compiles kernels, and the cache that cannot go stale.
+
+Numba does not notice when a cached kernel calls a kernel of another file that has changed. The
+cache directory is therefore named after a digest of all kernel sources and of the Numba version:
+edit anything and a new directory is used.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import ParamSpec, TypeVar, cast
+
+import numba
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _user_cache() -> Path:
+    chosen = os.environ.get("SCHULER_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", str(Path.home()))) / "schuler" / "Cache"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "schuler"
+    return Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))) / "schuler"
+
+
+@lru_cache(maxsize=1)
+def cache_directory() -> Path:
+    """Return the directory of compiled kernels that belongs to exactly these sources.
+
+    Returns
+    -------
+    Path
+        `<user cache>/kernels-<digest>`; `SCHULER_CACHE_DIR` overrides the user cache.
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    return _user_cache() / f"kernels-{digest.hexdigest()[:16]}"
+
+
+def cache_is_cold() -> bool:
+    """Tell whether no kernel of these sources has been compiled on this machine yet.
+
+    Returns
+    -------
+    bool
+        True if the first use of a kernel will have to compile.
+    """
+    return not any(cache_directory().glob("**/*.nbi"))
+
+
+def kernel(
+    *, reduction: bool = False, inline: bool = False
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Compile a function with Numba when it is first called, and keep the result on disk.
+
+    Parameters
+    ----------
+    reduction : bool
+        The function is a plain sum: allow re-association and contraction so that it vectorises.
+        No other fast-math flag is ever used.
+    inline : bool
+        Ask LLVM to inline the function into its callers (small helpers in a hot loop).
+
+    Returns
+    -------
+    callable
+        A decorator that keeps the signature of the function.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(cache_directory())
+        try:
+            compiled = numba.njit(
+                function,
+                cache=True,
+                nogil=True,
+                error_model="numpy",
+                fastmath={"reassoc", "contract"} if reduction else False,
+                forceinline=inline,
+            )
+        finally:
+            numba.config.CACHE_DIR = before
+        return cast("Callable[P, R]", compiled)
+
+    return decorate
