@@ -1,1 +1,5 @@
-"""scale"""
+"""Work that takes long: what to show while it runs."""
+
+from schuler.scale.progress import Advance, progress
+
+__all__ = ["Advance", "progress"]
