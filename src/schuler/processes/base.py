@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,8 +36,9 @@ class StateSpace:
     white_density : float
         Density N of the white part, (unit)/sqrt(Hz); its sample variance is N²/dt.
     drift : (s, s) ndarray or None
-        F of dx/dt = F x + u, block-diagonal with blocks of size 1 or 2 (each either 1x1 decay,
-        or 2x2); None for processes that exist only in discrete time (AR, ARMA).
+        F of dx/dt = F x + u in 1/s, block-diagonal with blocks of size 1 (decay or constant) or 2
+        (ramp, oscillation); None for processes that exist only in discrete time (quantisation,
+        AR, ARMA).
     diffusion : (s, s) ndarray or None
         Density of u, (unit)²/s.
     names : tuple of str
@@ -59,6 +60,21 @@ class StateSpace:
         """Number of states."""
         return int(self.output.size)
 
+    @property
+    def blocks(self) -> tuple[slice, ...]:
+        """The diagonal blocks of the transition, in order."""
+        coupled = (self.transition != 0.0) | (self.transition.T != 0.0)
+        if self.drift is not None:
+            coupled |= (self.drift != 0.0) | (self.drift.T != 0.0)
+        starts, k = [], 0
+        while k < self.size:
+            starts.append(k)
+            stop = k + 1
+            while stop < self.size and coupled[k:stop, stop:].any():
+                stop += 1
+            k = stop
+        return tuple(slice(a, b) for a, b in zip(starts, [*starts[1:], self.size], strict=True))
+
 
 class Process(ABC):
     """A zero-mean stochastic sensor error, or a sum of independent ones.
@@ -68,6 +84,15 @@ class Process(ABC):
     """
 
     __slots__ = ()
+
+    kind: ClassVar[str] = "process"
+    """Name in files and in the keys of parameters, e.g. "gauss_markov"."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The numbers that define the process, in SI, by field name."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
+        return {name: float(v) for name, v in values.items() if v is not None}
 
     @property
     def components(self) -> tuple[Process, ...]:
@@ -81,6 +106,14 @@ class Process(ABC):
     @abstractmethod
     def psd(self, frequency: ArrayLike, *, onesided: bool) -> FloatArray:
         """Power spectral density at `frequency` (Hz), in u²/Hz. Spec 2.2."""
+
+    @abstractmethod
+    def sampled_psd(self, cycles: ArrayLike, dt: float) -> FloatArray:
+        """Spectrum of the samples `dt` seconds apart, at `cycles` per sample (0 to 1/2).
+
+        Two-sided; its integral from -1/2 to 1/2 is the sample variance, in u². Lines (constants,
+        ramps, sinusoids) are left out.
+        """
 
     @abstractmethod
     def autocovariance(self, lag: ArrayLike) -> FloatArray:
@@ -105,9 +138,11 @@ class Process(ABC):
     def simulate(self, n: int, dt: float, rng: np.random.Generator) -> FloatArray:
         """Draw `n` samples `dt` seconds apart, with a stationary start. Spec 1.1."""
 
-    @abstractmethod
     def innovation_variance(self, dt: float) -> float:
-        """Smallest one-step prediction error variance at step `dt`. Spec 3."""
+        """Smallest one-step prediction error variance at step `dt`, in u². Spec 3."""
+        from schuler.processes.innovation import kolmogorov_szego
+
+        return kolmogorov_szego(self, dt)
 
     def __add__(self, other: Process) -> ProcessSum:
         """Sum of independent processes."""
