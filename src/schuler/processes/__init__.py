@@ -3,12 +3,14 @@
 from schuler.processes.base import Process, StateSpace
 from schuler.processes.drifts import RandomWalk, RateRamp, Sinusoid, TurnOnBias
 from schuler.processes.gauss_markov import BiasInstability, GaussMarkov
+from schuler.processes.noise_model import NoiseModel
 from schuler.processes.sums import ProcessSum
 from schuler.processes.white import Quantization, WhiteNoise
 
 __all__ = [
     "BiasInstability",
     "GaussMarkov",
+    "NoiseModel",
     "Process",
     "ProcessSum",
     "Quantization",
