@@ -1,4 +1,4 @@
-"""Set up this checkout and run it: `python run.py demo`, `python run.py test`, `python run.py check`.
+"""Set up this checkout and run it: `python run.py demo`, `... test`, `... check`.
 
 Needs Python 3.11 or newer and nothing else. Makes the virtual environment `.venv` beside this
 file when it is missing or out of date, installs the project into it with pip, and hands the rest

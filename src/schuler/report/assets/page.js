@@ -1,0 +1,69 @@
+"use strict";
+(() => {
+  const plots = [...document.querySelectorAll(".plot")];
+  const palette = () => getComputedStyle(document.documentElement);
+  const colour = (styles, name) => {
+    const [token, opacity] = name.slice(1).split("/");
+    const hex = styles.getPropertyValue("--" + token).trim() || "#888888";
+    if (opacity === undefined) return hex;
+    const part = (k) => parseInt(hex.slice(k, k + 2), 16);
+    return `rgba(${part(1)},${part(3)},${part(5)},${opacity})`;
+  };
+  // Colours are "@name" or "@name/opacity"; everything else stays as it is.
+  const dress = (value, styles) => {
+    if (typeof value === "string") return /^@[a-z]+(\/[\d.]+)?$/.test(value) ? colour(styles, value) : value;
+    if (Array.isArray(value)) return value.map((v) => dress(v, styles));
+    if (value && typeof value === "object") {
+      if ("bdata" in value) return value;
+      return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, dress(v, styles)]));
+    }
+    return value;
+  };
+  const dressKeys = () => {
+    const styles = palette();
+    for (const [attribute, data] of [["fill", "data-fill"], ["stroke", "data-stroke"]]) {
+      document.querySelectorAll(`[${data}]`).forEach((e) => e.setAttribute(attribute, colour(styles, e.getAttribute(data))));
+    }
+  };
+  const template = (styles) => {
+    const v = (name) => styles.getPropertyValue("--" + name).trim();
+    const axis = {
+      gridcolor: v("grid"), linecolor: v("line"), zerolinecolor: v("line"), zerolinewidth: 1,
+      tickcolor: v("line"), ticks: "outside", ticklen: 4, showline: true, automargin: true,
+      title: { standoff: 8, font: { size: 12, color: v("soft") } }, tickfont: { size: 11, color: v("soft") },
+    };
+    return { layout: {
+      font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: v("ink") },
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false,
+      margin: { l: 56, r: 10, t: 10, b: 44 }, hovermode: "closest", dragmode: "zoom",
+      hoverlabel: { bgcolor: v("card"), bordercolor: v("line"), font: { color: v("ink"), size: 12 } },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: v("soft"), activecolor: v("ink") },
+      xaxis: axis, yaxis: axis,
+    } };
+  };
+  const data = new Map();
+  const draw = (element) => {
+    const k = element.dataset.figure;
+    if (!data.has(k)) data.set(k, JSON.parse(document.getElementById("figure-" + k).textContent));
+    const figure = data.get(k), styles = palette();
+    const layout = { ...dress(figure.layout, styles), template: template(styles), autosize: true, height: figure.height };
+    element.dataset.drawn = "yes";
+    return Plotly.react(element, dress(figure.traces, styles), layout, {
+      displaylogo: false, responsive: true, showTips: false,
+      modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d", "toImage"],
+    });
+  };
+  const redraw = () => { dressKeys(); plots.filter((p) => p.dataset.drawn).forEach(draw); };
+  const drawAll = () => { dressKeys(); plots.forEach(draw); };
+  dressKeys();
+  if (typeof Plotly === "undefined") return;
+  if ("IntersectionObserver" in window) {
+    const watcher = new IntersectionObserver((entries) => {
+      for (const entry of entries) if (entry.isIntersecting) { watcher.unobserve(entry.target); draw(entry.target); }
+    }, { rootMargin: "600px" });
+    plots.forEach((p) => watcher.observe(p));
+  } else drawAll();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  addEventListener("beforeprint", drawAll);
+  addEventListener("afterprint", redraw);
+})();

@@ -1,0 +1,316 @@
+"""Traces and axes of plots as plain dictionaries, with one palette and one way to thin data.
+
+Colours are names such as ``"@x"`` or ``"@x/0.2"`` (with opacity); the page replaces them by what
+suits a light or a dark screen. Arrays travel as base64 of 32-bit floats, so that NaN is a gap and
+a plot of thousands of points stays small.
+"""
+
+from __future__ import annotations
+
+import base64
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+Dash = Literal["solid", "dot", "dash", "dashdot"]
+
+AXIS_COLOURS = {"x": "@x", "y": "@y", "z": "@z", "north": "@x", "east": "@y", "down": "@z"}
+MAX_POINTS = 2400
+"""Points of a line; more cannot be told apart on a screen."""
+
+
+def encode(values: ArrayLike) -> dict[str, str]:
+    """Return numbers in the typed form of plotly.js.
+
+    Parameters
+    ----------
+    values : array_like
+        Numbers; NaN is a gap.
+
+    Returns
+    -------
+    dict
+        32-bit floats in base64.
+    """
+    array = np.ascontiguousarray(values, dtype="<f4")
+    return {"dtype": "f4", "bdata": base64.b64encode(array.tobytes()).decode("ascii")}
+
+
+def thin(x: FloatArray, y: FloatArray, points: int = MAX_POINTS) -> NDArray[np.int64]:
+    """Return the indices of a line that is drawn alike, with every extreme kept.
+
+    Each of points/2 equal stretches keeps its smallest and its largest value; the first and the
+    last sample stay.
+
+    Parameters
+    ----------
+    x, y : (n,) ndarray
+        The line; `x` increases.
+    points : int
+        About how many to keep.
+
+    Returns
+    -------
+    (k,) ndarray of int
+        Increasing indices; all of them when n is not above `points`.
+    """
+    n = y.size
+    if n <= points:
+        return np.arange(n)
+    from tsdownsample import MinMaxDownsampler
+
+    kept = MinMaxDownsampler().downsample(np.ascontiguousarray(y), n_out=points // 4 * 4)
+    ends = np.array([0, n - 1], dtype=np.int64)
+    return np.unique(np.concatenate([kept.astype(np.int64), ends]))
+
+
+def line(
+    x: ArrayLike,
+    y: ArrayLike,
+    colour: str,
+    name: str,
+    *,
+    width: float = 1.5,
+    dash: Dash = "solid",
+    points: int = MAX_POINTS,
+) -> dict[str, Any]:
+    """Return a line, thinned when it is long.
+
+    Parameters
+    ----------
+    x, y : (n,) array_like
+        The line.
+    colour : str
+        Name in the palette.
+    name : str
+        Shown beside the pointer.
+    width : float
+        Pixels.
+    dash : {"solid", "dot", "dash", "dashdot"}
+        Style.
+    points : int
+        About how many points to keep.
+
+    Returns
+    -------
+    dict
+        A trace.
+    """
+    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    keep = thin(x, y, points)
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": encode(x[keep]),
+        "y": encode(y[keep]),
+        "name": name,
+        "line": {"color": colour, "width": width, "dash": dash},
+        "hovertemplate": "%{x:.4~g}, %{y:.4~g}",
+    }
+
+
+def marks(
+    x: ArrayLike,
+    y: ArrayLike,
+    colour: str,
+    name: str,
+    *,
+    size: float = 4.0,
+    symbol: str = "circle",
+    text: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """Return points.
+
+    Parameters
+    ----------
+    x, y : (n,) array_like
+        Places.
+    colour : str
+        Name in the palette.
+    name : str
+        Shown beside the pointer.
+    size : float
+        Pixels.
+    symbol : str
+        A symbol of plotly.js.
+    text : tuple of str
+        One text for each point, shown beside the pointer.
+
+    Returns
+    -------
+    dict
+        A trace.
+    """
+    trace: dict[str, Any] = {
+        "type": "scatter",
+        "mode": "markers",
+        "x": encode(x),
+        "y": encode(y),
+        "name": name,
+        "marker": {"color": colour, "size": size, "symbol": symbol, "line": {"width": 0}},
+        "hovertemplate": "%{x:.4~g}, %{y:.4~g}",
+    }
+    if text:
+        trace["text"] = [plain(t) for t in text]
+        trace["hovertemplate"] = "%{text}"
+    return trace
+
+
+def band(
+    x: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    colour: str,
+    name: str,
+    *,
+    points: int = MAX_POINTS // 2,
+) -> list[dict[str, Any]]:
+    """Return the area between two lines.
+
+    Parameters
+    ----------
+    x, lower, upper : (n,) array_like
+        The two lines.
+    colour : str
+        Name in the palette, with opacity.
+    name : str
+        What it is.
+    points : int
+        About how many points to keep on each side.
+
+    Returns
+    -------
+    list of dict
+        Two traces.
+    """
+    x = np.asarray(x, dtype=np.float64)
+    low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+    keep = np.union1d(thin(x, low, points), thin(x, high, points))
+    common = {
+        "type": "scatter",
+        "mode": "lines",
+        "x": encode(x[keep]),
+        "line": {"width": 0, "color": colour},
+        "hoverinfo": "skip",
+        "name": name,
+    }
+    return [
+        {**common, "y": encode(low[keep])},
+        {**common, "y": encode(high[keep]), "fill": "tonexty", "fillcolor": colour},
+    ]
+
+
+def axis(
+    title: str,
+    *,
+    log: bool = False,
+    limits: tuple[float, float] | None = None,
+    equal_to: str = "",
+) -> dict[str, Any]:
+    """Return an axis.
+
+    Parameters
+    ----------
+    title : str
+        Quantity and unit.
+    log : bool
+        Logarithmic.
+    limits : (float, float), optional
+        Both ends, in the quantity itself also for a logarithmic axis.
+    equal_to : str
+        Name of the axis with the same scale (maps).
+
+    Returns
+    -------
+    dict
+        An axis of a layout.
+    """
+    result: dict[str, Any] = {"title": {"text": plain(title)}}
+    if log:
+        result |= {"type": "log", "dtick": 1, "exponentformat": "power", "showexponent": "all"}
+    if limits is not None:
+        ends = np.log10(limits) if log else np.asarray(limits)
+        result["range"] = [float(ends[0]), float(ends[1])]
+    if equal_to:
+        result |= {"scaleanchor": equal_to, "scaleratio": 1}
+    return result
+
+
+def shaded(
+    spans: tuple[tuple[float, float], ...], colour: str = "@outage/0.14"
+) -> list[dict[str, Any]]:
+    """Return vertical stripes behind a plot over time.
+
+    Parameters
+    ----------
+    spans : tuple of (float, float)
+        Start and end of each stripe on the x axis.
+    colour : str
+        Name in the palette, with opacity.
+
+    Returns
+    -------
+    list of dict
+        Shapes of a layout.
+    """
+    return [
+        {
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": start,
+            "x1": stop,
+            "y0": 0,
+            "y1": 1,
+            "fillcolor": colour,
+            "line": {"width": 0},
+            "layer": "below",
+        }
+        for start, stop in spans
+    ]
+
+
+def limits(*arrays: ArrayLike, log: bool = False, margin: float = 0.06) -> tuple[float, float]:
+    """Return limits that hold all finite numbers of several arrays, with a margin.
+
+    Parameters
+    ----------
+    *arrays : array_like
+        Numbers; those that are not finite (or not positive, for `log`) do not count.
+    log : bool
+        The axis is logarithmic.
+    margin : float
+        Share of the span left free on both sides.
+
+    Returns
+    -------
+    (float, float)
+        Both ends.
+    """
+    values = np.concatenate([np.ravel(np.asarray(a, dtype=np.float64)) for a in arrays])
+    values = values[np.isfinite(values) & ((values > 0) | (not log))]
+    if values.size == 0:
+        return (0.1, 10.0) if log else (-1.0, 1.0)
+    ends = np.array([values.min(), values.max()])
+    ends = np.log10(ends) if log else ends
+    span = max(float(ends[1] - ends[0]), 0.3 if log else 1e-12 + 1e-3 * float(np.abs(ends).max()))
+    low, high = ends[0] - margin * span, ends[1] + margin * span
+    return (float(10**low), float(10**high)) if log else (float(low), float(high))
+
+
+def plain(text: str) -> str:
+    """Return text that plotly.js shows as it is (it understands a few HTML tags).
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    str
+        The text with its markup characters as entities.
+    """
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

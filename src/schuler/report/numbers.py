@@ -1,0 +1,101 @@
+"""Numbers for people: with their error, with as many digits as they deserve."""
+
+from __future__ import annotations
+
+import math
+
+_SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+MISSING = "–"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with a few significant digits.
+
+    Parameters
+    ----------
+    value : float
+        Any number; one that is not finite becomes a dash.
+    digits : int
+        Significant digits.
+
+    Returns
+    -------
+    str
+        E.g. ``"0.241"`` or ``"6.98·10⁻⁵"``.
+    """
+    if not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    if -3 <= exponent < 6:
+        decimals = max(digits - 1 - exponent, 0)
+        return f"{value:.{decimals}f}".replace("-", "−")
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}·10{str(int(power)).translate(_SUPERSCRIPT)}".replace("-", "−")
+
+
+def with_error(value: float, error: float) -> str:
+    """Return a number with its standard error, both to the second digit of the error.
+
+    Parameters
+    ----------
+    value : float
+        The estimate.
+    error : float
+        Its standard error; not finite or zero: unknown.
+
+    Returns
+    -------
+    str
+        E.g. ``"0.2412 ± 0.0008"`` or ``"(6.98 ± 0.02)·10⁻⁵"``.
+    """
+    if not math.isfinite(value) or not math.isfinite(error) or error <= 0.0:
+        return number(value, 4)
+    exponent = math.floor(math.log10(abs(value))) if value else math.floor(math.log10(error))
+    plain = -3 <= exponent < 5
+    power = 0 if plain else exponent
+    decimals = min(max(1 - math.floor(math.log10(error / 10.0**power)), 0), 9)
+    text = f"{value / 10.0**power:.{decimals}f} ± {error / 10.0**power:.{decimals}f}"
+    text = text.replace("-", "−")
+    return text if plain else f"({text})·10{str(power).translate(_SUPERSCRIPT)}"
+
+
+def percent(share: float) -> str:
+    """Return a share as a percentage.
+
+    Parameters
+    ----------
+    share : float
+        0 to 1.
+
+    Returns
+    -------
+    str
+        E.g. ``"90 %"``.
+    """
+    return f"{100.0 * share:.0f} %" if math.isfinite(share) else MISSING
+
+
+def duration(seconds: float) -> str:
+    """Return a length of time in the unit a person would use.
+
+    Parameters
+    ----------
+    seconds : float
+        Seconds.
+
+    Returns
+    -------
+    str
+        E.g. ``"2 h 47 min"``.
+    """
+    if not math.isfinite(seconds):
+        return MISSING
+    if seconds < 120.0:
+        return f"{number(seconds)} s"
+    minutes = round(seconds / 60.0)
+    if minutes < 120:
+        rest = round(seconds - 60.0 * (seconds // 60.0))
+        return f"{int(seconds // 60)} min {rest} s" if rest and minutes < 20 else f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min"

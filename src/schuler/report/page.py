@@ -1,0 +1,163 @@
+"""One self-contained HTML page out of sections; it works from a USB stick."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from schuler.errors import InputError
+from schuler.report.blocks import Figure, FigureGrid, Section
+from schuler.report.figures import plain
+from schuler.report.provenance import Provenance
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+
+@dataclass(frozen=True, slots=True)
+class _Page:
+    """What the template sees."""
+
+    title: str
+    sections: tuple[Section, ...]
+    summary: tuple[str, ...]
+    provenance: Provenance
+
+
+@lru_cache(maxsize=1)
+def plotly_script() -> str:
+    """Return the source of plotly.js that is installed with the package.
+
+    Returns
+    -------
+    str
+        JavaScript that is safe inside a script element.
+
+    Raises
+    ------
+    InputError
+        The plotly package is not complete.
+    """
+    spec = find_spec("plotly")  # importing plotly would cost more than reading one file of it
+    if spec is None or spec.origin is None:
+        raise InputError("plotly is not installed", cure="pip install plotly")
+    path = Path(spec.origin).parent / "package_data" / "plotly.min.js"
+    try:
+        source = path.read_text(encoding="utf-8")
+    except OSError:
+        raise InputError(
+            "the installed plotly has no plotly.min.js", cure="pip install --force-reinstall plotly"
+        ) from None
+    return source.replace("</script", "<\\/script")
+
+
+def safe_json(value: Any) -> str:
+    """Return JSON that is safe inside a script element and holds no NaN.
+
+    Parameters
+    ----------
+    value : any
+        Plain values; numbers that are not finite are refused.
+
+    Returns
+    -------
+    str
+        JSON in which ``<`` and ``>`` and ``&`` are escaped.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite (arrays with gaps go through `figures.encode`).
+    """
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+@lru_cache(maxsize=1)
+def _template() -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("schuler.report", "assets"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["anchor"] = anchor
+    return environment.get_template("page.html")
+
+
+def anchor(title: str) -> str:
+    """Return a name for links out of a title.
+
+    Parameters
+    ----------
+    title : str
+        Any text.
+
+    Returns
+    -------
+    str
+        Lower-case letters, digits and hyphens.
+    """
+    letters = [c if c.isascii() and c.isalnum() else "-" for c in title.lower()]
+    return "-".join(filter(None, "".join(letters).split("-"))) or "section"
+
+
+def _figure_data(sections: Iterable[Section]) -> list[dict[str, Any]]:
+    return [
+        {"traces": figure.traces, "layout": figure.layout, "height": figure.height}
+        for figure in _figures(sections)
+    ]
+
+
+def _figures(sections: Iterable[Section]) -> Iterable[Figure]:
+    for section in sections:
+        for block in section.blocks:
+            if isinstance(block, FigureGrid):
+                yield from block.figures
+
+
+def render_page(title: str, sections: Iterable[Section], provenance: Provenance) -> str:
+    """Return the whole page.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page, plain text.
+    sections : iterable of Section
+        In reading order.
+    provenance : Provenance
+        Where the results came from.
+
+    Returns
+    -------
+    str
+        HTML that refers to nothing outside itself.
+    """
+    sections = tuple(sections)
+    assets = files("schuler.report") / "assets"
+    page = _Page(
+        title=title,
+        sections=sections,
+        summary=tuple(sentence for section in sections for sentence in section.summary),
+        provenance=provenance,
+    )
+    return _template().render(
+        page=page,
+        style=(assets / "style.css").read_text(encoding="utf-8"),
+        script=(assets / "page.js").read_text(encoding="utf-8"),
+        plotly=plotly_script() if any(_figures(sections)) else "",
+        figure_data=[safe_json(figure) for figure in _figure_data(sections)],
+        settings=json.dumps(dict(provenance.settings), indent=2, default=str, ensure_ascii=False),
+        plain=plain,
+    )

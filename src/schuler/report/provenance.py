@@ -1,0 +1,149 @@
+"""Where a result came from: versions, files with their digests, command line, date, seeds."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from schuler.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class InputFile:
+    """A file that went into a result.
+
+    Parameters
+    ----------
+    name : str
+        Name without folder.
+    size : int
+        Bytes.
+    sha256 : str
+        Digest of the content.
+    """
+
+    name: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What a result depends on.
+
+    Parameters
+    ----------
+    version : str
+        Version of this package.
+    python : str
+        Version of Python and the kind of machine.
+    created : str
+        Local date and time with the offset to UTC.
+    command : str
+        Command line, empty when called from Python.
+    inputs : tuple of InputFile
+        Files.
+    seeds : mapping of str to int
+        Seeds of everything that was drawn.
+    settings : mapping
+        Options, as plain JSON values.
+    """
+
+    version: str
+    python: str
+    created: str
+    command: str = ""
+    inputs: tuple[InputFile, ...] = ()
+    seeds: Mapping[str, int] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON values.
+
+        Returns
+        -------
+        dict
+            All fields.
+        """
+        return {
+            "version": self.version,
+            "python": self.python,
+            "created": self.created,
+            "command": self.command,
+            "inputs": [{"name": f.name, "size": f.size, "sha256": f.sha256} for f in self.inputs],
+            "seeds": dict(self.seeds),
+            "settings": dict(self.settings),
+        }
+
+
+def digest_file(path: str | Path) -> InputFile:
+    """Return name, size and SHA-256 of a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        An existing file.
+
+    Returns
+    -------
+    InputFile
+        Its record.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        return InputFile(file.name, file.stat().st_size, digest)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", where=str(file)) from None
+
+
+def record_provenance(
+    *,
+    command: str = "",
+    inputs: Iterable[str | Path] = (),
+    seeds: Mapping[str, int] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Provenance:
+    """Record what a result made here and now depends on.
+
+    Parameters
+    ----------
+    command : str
+        Command line.
+    inputs : iterable of str or Path
+        Files that were read; a folder stands for the recordings in it.
+    seeds : mapping of str to int, optional
+        Seeds.
+    settings : mapping, optional
+        Options, as plain JSON values.
+
+    Returns
+    -------
+    Provenance
+        The record.
+    """
+    from schuler import __version__
+
+    files: list[Path] = []
+    for item in map(Path, inputs):
+        files += sorted(p for p in item.iterdir() if p.is_file()) if item.is_dir() else [item]
+    return Provenance(
+        version=__version__,
+        python=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
+        created=datetime.now().astimezone().isoformat(sep=" ", timespec="seconds"),
+        command=command,
+        inputs=tuple(digest_file(p) for p in files),
+        seeds=dict(seeds or {}),
+        settings=dict(settings or {}),
+    )

@@ -1,0 +1,220 @@
+"""A navigation run: track, uncertainty, innovations, sensor errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data.gnss import GnssRecording
+from schuler.data.trajectory import NavigationSolution, Trajectory
+from schuler.earth import ned_from_geodetic
+from schuler.errors import InputError
+from schuler.report.blocks import Facts, Figure, FigureGrid, LegendItem, Section
+from schuler.report.figures import axis, limits, line, marks, shaded
+from schuler.report.numbers import duration, number
+from schuler.report.sections.filtering import innovation_section, sensor_error_section
+from schuler.report.sections.registry import register
+from schuler.report.sections.uncertainty import uncertainty_section
+
+FloatArray = NDArray[np.float64]
+TRACK_POINTS = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationRun:
+    """A run with all that belongs beside it on the page.
+
+    Parameters
+    ----------
+    causal : NavigationSolution or None
+        Solution with the data up to each moment.
+    smoothed : NavigationSolution or None
+        Solution with all data; one of the two must be there.
+    gnss : GnssRecording or None
+        What the receiver said.
+    truth : Trajectory or None
+        True trajectory of a simulation, or a reference.
+    outages : tuple of (float, float)
+        Start and end of each stretch without GNSS, seconds on the time axis of the solution.
+
+    Raises
+    ------
+    InputError
+        Neither solution is given.
+    """
+
+    causal: NavigationSolution | None = None
+    smoothed: NavigationSolution | None = None
+    gnss: GnssRecording | None = None
+    truth: Trajectory | None = None
+    outages: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.causal is None and self.smoothed is None:
+            raise InputError("a navigation run without a solution", expected="at least one")
+
+    @property
+    def best(self) -> NavigationSolution:
+        """The smoothed solution where it exists."""
+        solution = self.smoothed or self.causal
+        assert solution is not None
+        return solution
+
+    @property
+    def solutions(self) -> tuple[tuple[str, str, NavigationSolution], ...]:
+        """Name, colour and solution of each answer."""
+        both = (("causal", "@causal", self.causal), ("smoothed", "@smoothed", self.smoothed))
+        return tuple((name, colour, s) for name, colour, s in both if s is not None)
+
+
+@register
+def solution_sections(solution: NavigationSolution) -> tuple[Section, ...]:
+    """Show one solution.
+
+    Parameters
+    ----------
+    solution : NavigationSolution
+        The solution.
+
+    Returns
+    -------
+    tuple of Section
+        Track, uncertainty, innovations, sensor errors.
+    """
+    if solution.smoothed:
+        return run_sections(NavigationRun(smoothed=solution))
+    return run_sections(NavigationRun(causal=solution))
+
+
+@register
+def run_sections(run: NavigationRun) -> tuple[Section, ...]:
+    """Show a navigation run.
+
+    Parameters
+    ----------
+    run : NavigationRun
+        Solutions with GNSS, truth and outages.
+
+    Returns
+    -------
+    tuple of Section
+        Track, uncertainty, innovations, sensor errors.
+    """
+    origin_time = float(run.best.trajectory.time[0])
+    spans = tuple((a - origin_time, b - origin_time) for a, b in run.outages)
+    filtered = run.causal or run.best
+    return (
+        _track_section(run, spans),
+        uncertainty_section(run.solutions, run.truth, spans),
+        innovation_section(filtered, spans),
+        *sensor_error_section(filtered, run.smoothed, spans),
+    )
+
+
+def _track_section(run: NavigationRun, spans: tuple[tuple[float, float], ...]) -> Section:
+    trajectory = run.best.trajectory
+    time = trajectory.time - trajectory.time[0]
+    speed = np.hypot(trajectory.velocity[:, 0], trajectory.velocity[:, 1])
+    distance = float(np.sum(speed[1:] * np.diff(time)))
+    facts = Facts(
+        (
+            ("Duration", duration(float(time[-1]))),
+            ("Distance", f"{number(distance / 1000.0)} km"),
+            ("Highest speed", f"{number(float(speed.max()))} m/s"),
+            ("GNSS epochs", "–" if run.gnss is None else str(run.gnss.size)),
+        )
+    )
+    sentence = (
+        f"The run lasts {duration(float(time[-1]))} and covers {number(distance / 1000.0)} km at "
+        f"up to {number(float(speed.max()))} m/s."
+    )
+    blocks = (facts, _track(run), _motion(trajectory, spans))
+    return Section("Track", blocks, (sentence,))
+
+
+def _local(position: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return east and north in m of a thinned track."""
+    step = max(position.shape[0] // TRACK_POINTS, 1)
+    ned = ned_from_geodetic(position[::step], origin)
+    return ned[:, 1], ned[:, 0]
+
+
+def _track(run: NavigationRun) -> FigureGrid:
+    origin = run.best.trajectory.position[0]
+    traces: list[dict[str, Any]] = []
+    legend = []
+    if run.gnss is not None:
+        east, north = _local(run.gnss.position, origin)
+        traces.append(marks(east, north, "@gnss", "GNSS", size=4))
+        legend.append(LegendItem("GNSS", "@gnss", "point"))
+    if run.truth is not None:
+        east, north = _local(run.truth.position, origin)
+        traces.append(_path(east, north, "@model", "truth", 1.0))
+        legend.append(LegendItem("truth", "@model"))
+    for name, colour, solution in run.solutions:
+        east, north = _local(solution.trajectory.position, origin)
+        traces.append(_path(east, north, colour, name, 1.8))
+        legend.append(LegendItem(name, colour))
+    traces += _outage_paths(run, origin)
+    if run.outages:
+        legend.append(LegendItem("without GNSS", "@outage/0.45", "band"))
+    figure = Figure(
+        "Track in local coordinates",
+        "East against north from the first position, both axes to the same scale.",
+        tuple(traces),
+        {"xaxis": axis("east in m"), "yaxis": axis("north in m", equal_to="x")},
+        height=560,
+    )
+    return FigureGrid((figure,), tuple(legend), columns=1)
+
+
+def _path(east: FloatArray, north: FloatArray, colour: str, name: str, width: float) -> Any:
+    return line(east, north, colour, name, width=width, points=2 * TRACK_POINTS)
+
+
+def _outage_paths(run: NavigationRun, origin: FloatArray) -> list[dict[str, Any]]:
+    """Return broad strokes under the stretches without GNSS."""
+    trajectory = run.best.trajectory
+    paths = []
+    for start, stop in run.outages:
+        inside = (trajectory.time >= start) & (trajectory.time <= stop)
+        if not inside.any():
+            continue
+        east, north = _local(trajectory.position[inside], origin)
+        since = number(start - float(trajectory.time[0]), 4)
+        paths.append(_path(east, north, "@outage/0.45", f"without GNSS from {since} s", 7.0))
+    return paths
+
+
+def _motion(trajectory: Trajectory, spans: tuple[tuple[float, float], ...]) -> FigureGrid:
+    from schuler.rotations import euler_from_dcm
+
+    time = trajectory.time - trajectory.time[0]
+    speed = np.hypot(trajectory.velocity[:, 0], trajectory.velocity[:, 1])
+    roll, pitch, yaw = (np.degrees(a) for a in euler_from_dcm(trajectory.rotation))
+    jumps = np.abs(np.diff(yaw, prepend=yaw[0])) > 180.0
+    curves = (
+        ("Height", trajectory.position[:, 2], "height in m", "@x"),
+        ("Speed over ground", speed, "m/s", "@x"),
+        ("Roll", roll, "deg", "@x"),
+        ("Pitch", pitch, "deg", "@x"),
+        ("Heading", np.where(jumps, np.nan, yaw), "deg", "@x"),
+    )
+    figures = tuple(
+        Figure(
+            title,
+            f"Between {number(float(np.nanmin(values)))} and {number(float(np.nanmax(values)))}.",
+            (line(time, values, colour, title, width=1.2),),
+            {
+                "xaxis": axis("time in s"),
+                "yaxis": axis(unit, limits=limits(values)),
+                "shapes": shaded(spans),
+            },
+            height=220,
+        )
+        for title, values, unit, colour in curves
+    )
+    return FigureGrid(figures, caption="Attitude takes the axes of the IMU into north-east-down.")

@@ -1,0 +1,182 @@
+"""What happens when GNSS is gone: real error against claimed, causal against smoothed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from schuler.evaluate.outages import OutageEvaluation, OutageStatistics, OutageWindow
+from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
+from schuler.report.figures import axis, limits, line, marks
+from schuler.report.numbers import number, percent
+from schuler.report.sections.registry import register
+
+FOLD_ABOVE = 12
+"""Tables with more windows than this are shown on demand."""
+
+
+def _answers(evaluation: OutageEvaluation) -> list[tuple[str, str, OutageStatistics]]:
+    """Return name, colour and statistics of the answers that exist."""
+    both = (
+        ("causal", "@causal", evaluation.causal),
+        ("smoothed", "@smoothed", evaluation.smoothed),
+    )
+    return [(name, colour, s) for name, colour, s in both if s is not None]
+
+
+@register
+def outage_sections(evaluation: OutageEvaluation) -> tuple[Section, ...]:
+    """Show an outage evaluation.
+
+    Parameters
+    ----------
+    evaluation : OutageEvaluation
+        Errors with GNSS withheld.
+
+    Returns
+    -------
+    tuple of Section
+        One section.
+    """
+    answers = _answers(evaluation)
+    blocks = (
+        _overall(answers),
+        _growth(answers),
+        _claims(answers),
+        _windows(answers),
+    )
+    return (Section("Outages", blocks, tuple(_sentence(n, s) for n, _, s in answers)),)
+
+
+def _lengths(windows: tuple[OutageWindow, ...]) -> str:
+    lengths = sorted({w.duration_s for w in windows})
+    if len(lengths) == 1:
+        return f"{number(lengths[0])} s"
+    return f"{number(lengths[0])} to {number(lengths[-1])} s"
+
+
+def _sentence(name: str, s: OutageStatistics) -> str:
+    count = len(s.windows)
+    how = "with the data up to each moment (causal)" if name == "causal" else "smoothed"
+    return (
+        f"With GNSS withheld {count} time{'' if count == 1 else 's'} for {_lengths(s.windows)}, "
+        f"the largest horizontal error {how} is {number(s.mean_of_max_m)} m on average and "
+        f"{number(s.worst_m)} m at worst; {percent(s.within_2_sigma)} of the errors lie inside "
+        f"the claimed 95 % ellipse."
+    )
+
+
+def _overall(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
+    rows = tuple(
+        (
+            name,
+            str(len(s.windows)),
+            number(s.mean_of_max_m),
+            number(s.median_of_max_m),
+            number(s.worst_m),
+            number(s.mean_m),
+            percent(s.within_2_sigma),
+        )
+        for name, _, s in answers
+    )
+    return Table(
+        "Horizontal error over all windows, in m",
+        (
+            "answer",
+            "windows",
+            "mean of maxima",
+            "median of maxima",
+            "worst",
+            "mean",
+            "inside claimed 2 sigma",
+        ),
+        rows,
+        note="Maximum: largest horizontal error inside a window, against the GNSS positions that "
+        "were withheld. Inside: share of errors within the 95.4 % ellipse that the filter claims.",
+    )
+
+
+def _errors(window: OutageWindow) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Return seconds since the start of the window and horizontal error."""
+    return window.time - window.start_s, np.hypot(window.error_ned[:, 0], window.error_ned[:, 1])
+
+
+def _growth(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
+    figures = []
+    for name, colour, s in answers:
+        traces = []
+        heights = [1e-3]
+        for window in s.windows:
+            since, error = _errors(window)
+            traces.append(
+                line(since, error, f"{colour}/0.55", f"from {number(window.start_s, 4)} s", width=1)
+            )
+            heights.append(float(error.max(initial=0.0)))
+        figures.append(
+            Figure(
+                f"Error while GNSS is gone, {name}",
+                f"One line for each of {len(s.windows)} windows; the highest reaches "
+                f"{number(s.worst_m)} m.",
+                tuple(traces),
+                {
+                    "xaxis": axis("time since GNSS was lost in s"),
+                    "yaxis": axis("horizontal error in m", limits=(0.0, 1.06 * max(heights))),
+                },
+            )
+        )
+    return FigureGrid(tuple(figures), columns=2)
+
+
+def _claims(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
+    figures = []
+    for name, colour, s in answers:
+        claimed = np.array([w.claimed_sd_m for w in s.windows])
+        real = np.array([w.max_m for w in s.windows])
+        low, high = limits(claimed, real, log=True)
+        ends = np.array([low, high])
+        text = tuple(
+            f"from {number(w.start_s, 4)} s: {number(w.max_m)} m, claimed {number(w.claimed_sd_m)}"
+            for w in s.windows
+        )
+        figures.append(
+            Figure(
+                f"Largest error against claimed standard deviation, {name}",
+                f"{len(s.windows)} windows; points above the dashed line exceed 2 sigma.",
+                (
+                    line(ends, ends, "@other", "1 sigma", width=1, dash="dot"),
+                    line(ends, 2 * ends, "@other", "2 sigma", width=1.2, dash="dash"),
+                    marks(claimed, real, colour, name, size=8, text=text),
+                ),
+                {
+                    "xaxis": axis("claimed standard deviation in m", log=True, limits=(low, high)),
+                    "yaxis": axis("largest error in m", log=True, limits=(low, high)),
+                },
+            )
+        )
+    legend = (
+        LegendItem("one window", "@causal", "point"),
+        LegendItem("error = 1 sigma", "@other", "dot"),
+        LegendItem("error = 2 sigma", "@other", "dash"),
+    )
+    return FigureGrid(tuple(figures), legend, columns=2)
+
+
+def _windows(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
+    columns = ["start in s", "length in s"]
+    for name, _, _ in answers:
+        columns += [f"{name}: max", "mean", "claimed sd", "inside 2 sigma"]
+    rows = []
+    for parallel in zip(*(s.windows for _, _, s in answers), strict=True):
+        row = [number(parallel[0].start_s, 4), number(parallel[0].duration_s)]
+        for w in parallel:
+            row += [number(w.max_m), number(w.mean_m), number(w.claimed_sd_m)]
+            row.append(percent(w.within_2_sigma))
+        rows.append(tuple(row))
+    return Table(
+        "Every window, errors in m",
+        tuple(columns),
+        tuple(rows),
+        words=(),
+        folded=len(rows) > FOLD_ABOVE,
+    )
