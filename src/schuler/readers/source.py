@@ -1,0 +1,168 @@
+"""What every reader delivers: named columns, and the place in the file of each row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+
+from schuler.errors import InputError
+
+Columns = dict[str, NDArray[Any]]
+
+
+class Source(Protocol):
+    """A file that has been opened: the names of its columns are known, its numbers not yet.
+
+    `load` returns float64 columns of one length (NaN where a value is missing), or columns of
+    text for those named in `texts`. `place` names a row and a column in the user's terms.
+    """
+
+    @property
+    def path(self) -> Path:
+        """File the columns come from."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns, in the order of the file."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units that stand beside the names, where the file gives them."""
+
+    @property
+    def rate(self) -> float | None:
+        """Sampling rate in Hz, where the file states it."""
+
+    @property
+    def history(self) -> tuple[str, ...]:
+        """What the reader did so far."""
+
+    def is_text(self, name: str) -> bool:
+        """Tell whether a column holds text (such as a date) instead of numbers."""
+
+    def load(self, names: Sequence[str]) -> Columns:
+        """Read the columns."""
+
+    def place(self, row: int, name: str = "") -> str:
+        """Return file, line or row, and column."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextOptions:
+    """How a text file is laid out, where the user wants to say so.
+
+    Parameters
+    ----------
+    delimiter : str or None
+        Character between columns; "whitespace" for any number of blanks. None: find out.
+    decimal : {".", ","} or None
+        Decimal point or comma. None: find out.
+    comment : str or None
+        Lines that begin with this are left out. None: "#", "%" and "//".
+    skip_lines : int
+        Lines left out at the beginning of the file.
+    header : bool or None
+        Whether a line with names stands above the numbers. None: find out.
+    names : tuple of str
+        Names of the columns where the file has none.
+    repair : bool
+        Leave out a last line that was cut off.
+    """
+
+    delimiter: str | None = None
+    decimal: str | None = None
+    comment: str | None = None
+    skip_lines: int = 0
+    header: bool | None = None
+    names: tuple[str, ...] = ()
+    repair: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MemorySource:
+    """Columns that are in memory already.
+
+    Parameters
+    ----------
+    path : Path
+        File they come from.
+    columns : dict of str to (n,) ndarray
+        Columns of one length.
+    units : mapping of str to str
+        Unit of a column.
+    rate : float or None
+        Sampling rate in Hz.
+    history : tuple of str
+        What the reader did.
+    row_word : str
+        What one row is called in messages.
+    """
+
+    path: Path
+    columns: Columns
+    units: Mapping[str, str] = field(default_factory=dict)
+    rate: float | None = None
+    history: tuple[str, ...] = ()
+    row_word: str = "row"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self.columns)
+
+    def is_text(self, name: str) -> bool:
+        """Tell whether a column holds text."""
+        return self.columns[name].dtype.kind in "US"
+
+    def load(self, names: Sequence[str]) -> Columns:
+        """Return the columns as float64, or as text."""
+        return {
+            n: self.columns[n] if self.is_text(n) else self.columns[n].astype("float64", copy=False)
+            for n in names
+        }
+
+    def place(self, row: int, name: str = "") -> str:
+        """Return file, row (counted from 0) and column."""
+        column = f", column '{name}'" if name else ""
+        return f"{self.path}, {self.row_word} {row}{column}"
+
+
+def existing_file(path: Path) -> Path:
+    """Return the path when it is a file that can be read and is not empty.
+
+    Parameters
+    ----------
+    path : Path
+        What the user named.
+
+    Returns
+    -------
+    Path
+        The same.
+
+    Raises
+    ------
+    InputError
+        No such file, a folder, an empty file, or no permission.
+    """
+    if not path.exists():
+        raise InputError("there is no such file", cure="check the name", where=str(path))
+    if path.is_dir():
+        raise InputError("this is a folder", expected="a file", where=str(path))
+    try:
+        with path.open("rb") as stream:
+            empty = not stream.read(1)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", where=str(path)) from None
+    if empty:
+        raise InputError(
+            "the file is empty",
+            expected="a recording",
+            cure="check that the copy or the download was complete",
+            where=str(path),
+        )
+    return path
