@@ -1,0 +1,117 @@
+"""The program: its commands, and what becomes of errors."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+
+from cyclopts import App, Parameter
+from cyclopts.exceptions import CycloptsError
+
+from schuler import __version__
+from schuler.cli.characterize import characterize
+from schuler.cli.console import say
+from schuler.cli.demo import demo
+from schuler.cli.export import export
+from schuler.cli.navigate import navigate
+from schuler.cli.outages import outages
+from schuler.cli.warm import warm
+from schuler.errors import SchulerError
+
+GOOD, FAILED_CHECK, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
+EPILOGUE = "Exit codes: 0 all is well, 1 a check failed, 2 bad input (one line on stderr says why)."
+
+
+
+def _show_default(value: object) -> object:
+    """Hide the defaults that say nothing: no, none, and empty."""
+    return None if value in (None, False, (), "") else value
+
+
+app = App(
+    name="schuler",
+    version=__version__,
+    help="MEMS inertial sensors: error models, and GNSS/INS with honest uncertainty.",
+    help_epilogue=EPILOGUE,
+    help_format="markdown",
+    default_parameter=Parameter(negative=(), show_default=_show_default),
+    suppress_keyboard_interrupt=False,
+)
+for _command in (demo, characterize, navigate, outages, export, warm):
+    app.command(_command)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and turn every error into one line.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Command line without the name of the program.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            code = app(
+                list(arguments),
+                exit_on_error=False,
+                print_error=False,
+                result_action="return_value",
+            )
+            sys.stdout.flush()
+        return code if isinstance(code, int) else GOOD
+    except CycloptsError as error:
+        return _bad_input(_words(error), arguments)
+    except SchulerError as error:
+        return _bad_input(str(error))
+    except KeyboardInterrupt:
+        say("interrupted; nothing was written")
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output is gone (as in `| head`): not an error, but stop quietly.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return GOOD
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        return _bad_input(f"{place}{error.strerror or error}")
+    except MemoryError:
+        return _bad_input("not enough memory for this input; cut it into parts")
+    except Exception as error:
+        if os.environ.get("SCHULER_DEBUG"):
+            raise
+        say(f"a bug in schuler: {type(error).__name__}: {error}; SCHULER_DEBUG=1 shows where")
+        return BUG
+
+
+def _bad_input(message: str, arguments: Sequence[str] = ()) -> int:
+    command = arguments[0] if arguments and not arguments[0].startswith("-") else ""
+    hint = ""
+    if arguments:
+        known = command in {name for name in app if not name.startswith("-")}
+        hint = f" (see schuler {command} --help)" if known else " (see schuler --help)"
+    say(message.rstrip(".") + hint)
+    return BAD_INPUT
+
+
+def _words(error: CycloptsError) -> str:
+    text = str(error).replace('"', "'")
+    return text[:1].lower() + text[1:]
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: object = None,
+    line: str | None = None,
+) -> None:
+    """Show a warning as one line, without the place in the source that means nothing to a user."""
+    say(f"note: {message}")

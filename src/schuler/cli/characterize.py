@@ -1,0 +1,135 @@
+"""`schuler characterize`: a static log in, a noise model with errors out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from schuler.cli.reading import ImuReading
+
+if TYPE_CHECKING:
+    from schuler.characterize.screening import Screening
+    from schuler.cli.console import Screen
+    from schuler.identify import ImuCharacterization
+
+MOST_FINDINGS = 8
+
+
+def characterize(
+    file: Path,
+    /,
+    *,
+    report: Path | None = None,
+    json: Path | None = None,
+    noise_out: Path | None = None,
+    kalibr: Path | None = None,
+    topic: str = "/imu0",
+    repair: bool = False,
+    strict: bool = False,
+    reading: Annotated[ImuReading | None, Parameter(name="*")] = None,
+) -> int:
+    """Find the noise model of an IMU from a log of it lying still.
+
+    Reads the log, screens it, computes the Allan deviation with its confidence, fits white
+    noise, Gauss-Markov, random walk and what else the data support, and says how far the
+    numbers can be trusted.
+
+    Parameters
+    ----------
+    file : Path
+        Static log: CSV, text, Parquet, NPZ, ROS 1 or ROS 2 bag, or a folder with imu.* in it.
+    report : Path, optional
+        Write a self-contained HTML page here.
+    json : Path, optional
+        Write all results in SI here; - for standard output.
+    noise_out : Path, optional
+        Write the noise model as YAML here, for `schuler navigate --noise`.
+    kalibr : Path, optional
+        Write imu.yaml for Kalibr and its relatives here.
+    topic : str
+        Name of the ROS topic in the Kalibr file.
+    repair : bool
+        Repair what the screening finds (knocks, outliers, repeated rows) before fitting.
+    strict : bool
+        Exit with code 1 when the screening finds an error that was not repaired.
+    reading : ImuReading, optional
+        How to read the file.
+    """
+    from schuler.characterize.screening import repair as repaired
+    from schuler.characterize.screening import screen
+    from schuler.cli.console import Screen
+    from schuler.cli.loading import load_imu, say_if_compiling
+    from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.cli.provenance import command_provenance
+    from schuler.identify import characterize_imu
+    from schuler.scale.progress import progress
+
+    outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
+    imu = load_imu(file, (reading or ImuReading()).options(repair=repair))
+    say_if_compiling()
+    with progress("Screening"):
+        screening = screen(imu)
+        if repair:
+            imu = repaired(imu, screening)
+    with progress("Fitting the noise of every channel"):
+        result = characterize_imu(imu)
+    if report is not None:
+        from schuler.report import render_report
+
+        page = render_report(
+            result,
+            screening,
+            imu,
+            title=f"Noise of {imu.name}",
+            provenance=command_provenance(inputs=(file,), settings={"repair": repair}),
+        )
+        outputs.text(report, lambda: page)
+    outputs.text(json, lambda: json_text(result.to_dict()))
+    outputs.text(noise_out, result.noise_model.to_yaml)
+    if kalibr is not None:
+        from schuler.export.kalibr import kalibr_yaml
+
+        text = kalibr_yaml(result.noise_model, rate=imu.rate, topic=topic)
+        outputs.text(kalibr, lambda: text)
+    show_characterization(
+        Screen(json_on_stdout=json == STDOUT), result, screening, outputs.commit()
+    )
+    bad = any(f.severity == "error" for f in screening.findings)
+    return 1 if strict and bad and not repair else 0
+
+
+def show_characterization(
+    screen: Screen,
+    result: ImuCharacterization,
+    screening: Screening,
+    written: tuple[Path, ...] = (),
+) -> None:
+    """Print the noise model and what to think of it.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    result : ImuCharacterization
+        What was found.
+    screening : Screening
+        What is wrong with the recording.
+    written : tuple of Path
+        Files that were written.
+    """
+    from schuler.report.sections.parameters import parameter_rows
+
+    screen.heading(f"Noise of {result.recording_name}")
+    columns, rows = parameter_rows(result, units="datasheet")
+    screen.table(columns, rows, words=2)
+    for text in result.findings:
+        screen.finding("info", text)
+    serious = [f for f in screening.findings if f.severity != "info"]
+    for finding in serious[:MOST_FINDINGS]:
+        screen.finding(finding.severity, finding.message)
+    if len(serious) > MOST_FINDINGS:
+        screen.line(f"   ... and {len(serious) - MOST_FINDINGS} more (see the report)", "dim")
+    for path in written:
+        screen.line(f"   wrote {path}", "dim")

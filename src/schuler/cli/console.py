@@ -1,0 +1,149 @@
+"""What a person sees: short tables on standard output, single lines on standard error.
+
+Text from files is never taken for markup, and characters that steer a terminal are shown, not
+obeyed.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+
+def printable(text: str) -> str:
+    """Return one line of text without characters that steer a terminal.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    str
+        White space joined to single blanks; what cannot be printed becomes its escape.
+    """
+    joined = " ".join(text.split())
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in joined)
+
+
+def say(message: str) -> None:
+    """Print one line about the run on standard error.
+
+    Parameters
+    ----------
+    message : str
+        Any text; it becomes one line.
+    """
+    line = f"schuler: {printable(message)}"
+    encoding = sys.stderr.encoding or "utf-8"
+    print(line.encode(encoding, "backslashreplace").decode(encoding), file=sys.stderr)
+
+
+def plain_text(text: str, style: str = "") -> Text:
+    """Return text that rich prints as it is.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+    style : str
+        A style of rich.
+
+    Returns
+    -------
+    Text
+        One line.
+    """
+    from rich.text import Text
+
+    return Text(printable(text), style=style)
+
+
+class Screen:
+    """The terminal of one command.
+
+    Parameters
+    ----------
+    json_on_stdout : bool
+        Standard output belongs to a machine; people read standard error.
+    """
+
+    def __init__(self, *, json_on_stdout: bool = False) -> None:
+        from rich.console import Console
+
+        self.console: Console = Console(stderr=json_on_stdout, highlight=False, soft_wrap=False)
+
+    def heading(self, text: str, detail: str = "") -> None:
+        """Print a heading with a quieter detail behind it.
+
+        Parameters
+        ----------
+        text : str
+            What follows.
+        detail : str
+            E.g. duration and rate.
+        """
+        line = plain_text(text, "bold")
+        if detail:
+            line.append("  ").append_text(plain_text(detail, "dim"))
+        self.console.print()
+        self.console.print(line)
+
+    def line(self, text: str, style: str = "") -> None:
+        """Print one paragraph.
+
+        Parameters
+        ----------
+        text : str
+            Plain text.
+        style : str
+            A style of rich.
+        """
+        self.console.print(plain_text(text, style))
+
+    def finding(self, severity: str, text: str) -> None:
+        """Print one finding with a mark that tells how much it matters.
+
+        Parameters
+        ----------
+        severity : str
+            "good", "info", "warning" or "error".
+        text : str
+            What was found.
+        """
+        mark, style = {
+            "good": ("+", "green"),
+            "info": ("-", "cyan"),
+            "warning": ("!", "yellow"),
+            "error": ("!!", "bold red"),
+        }.get(severity, ("-", ""))
+        line = plain_text(f"{mark:>2} ", style)
+        self.console.print(line.append(" ").append_text(plain_text(text)))
+
+    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> None:
+        """Print a table.
+
+        Parameters
+        ----------
+        columns : sequence of str
+            Headings.
+        rows : sequence of sequence of str
+            Cells.
+        words : int
+            So many columns from the left hold words; the others are set flush right.
+        """
+        from rich import box
+        from rich.table import Table
+
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="dim")
+        for k, heading in enumerate(columns):
+            table.add_column(plain_text(heading), justify="left" if k < words else "right")
+        for row in rows:
+            table.add_row(*(plain_text(cell) for cell in row))
+        self.console.print(table)

@@ -1,0 +1,119 @@
+"""Reading the inputs of a command, with progress, and the one line about compiling."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from schuler.cli.console import say
+from schuler.errors import InputError
+from schuler.scale.progress import progress
+
+if TYPE_CHECKING:
+    from schuler.data.gnss import GnssRecording
+    from schuler.data.imu import ImuRecording
+    from schuler.processes.noise_model import NoiseModel
+
+
+def load_imu(path: Path, how: dict[str, Any]) -> ImuRecording:
+    """Read an IMU recording.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    how : dict
+        Options of the reader.
+
+    Returns
+    -------
+    ImuRecording
+        The recording.
+    """
+    from schuler.readers import read_imu
+
+    with progress(f"Reading {path.name}"):
+        return read_imu(path, **how)
+
+
+def load_gnss(path: Path, how: dict[str, Any]) -> GnssRecording:
+    """Read a GNSS recording.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    how : dict
+        Options of the reader.
+
+    Returns
+    -------
+    GnssRecording
+        The recording.
+    """
+    from schuler.readers import read_gnss
+
+    with progress(f"Reading {path.name}"):
+        return read_gnss(path, **how)
+
+
+def load_noise(path: Path | None) -> NoiseModel | None:
+    """Read a noise model, when one is given.
+
+    Parameters
+    ----------
+    path : Path or None
+        YAML file.
+
+    Returns
+    -------
+    NoiseModel or None
+        In SI.
+    """
+    if path is None:
+        return None
+    from schuler.processes import NoiseModel
+
+    return NoiseModel.load(path)
+
+
+def say_if_compiling() -> None:
+    """Tell once that the first run on a machine compiles, so that the wait is understood."""
+    from schuler.kernels.compile import cache_is_cold
+
+    if cache_is_cold():
+        say("first run on this machine: compiling the kernels once (see `schuler warm`) ...")
+
+
+def parse_numbers(text: str, count: int, what: str, separator: str = ",") -> tuple[float, ...]:
+    """Return the numbers of an option such as ``0.1,0,-0.3``.
+
+    Parameters
+    ----------
+    text : str
+        What the user wrote.
+    count : int
+        How many numbers there must be.
+    what : str
+        Name of the option with an example, for the error.
+    separator : str
+        Character between them.
+
+    Returns
+    -------
+    tuple of float
+        The numbers.
+
+    Raises
+    ------
+    InputError
+        Another count, or something that is not a finite number.
+    """
+    try:
+        numbers = tuple(float(part) for part in text.split(separator))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise InputError(f"'{text}' is not understood", expected=what)
+    return numbers

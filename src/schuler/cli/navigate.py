@@ -1,0 +1,222 @@
+"""`schuler navigate`: IMU and GNSS in, a trajectory with uncertainty out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from schuler.cli.reading import DriveReading
+
+if TYPE_CHECKING:
+    from schuler.cli.console import Screen
+    from schuler.data.trajectory import NavigationSolution
+
+
+def navigate(
+    *,
+    imu: Path,
+    gnss: Path,
+    noise: Path | None = None,
+    smooth: bool = False,
+    lever_arm: str = "0,0,0",
+    out: Path | None = None,
+    report: Path | None = None,
+    json: Path | None = None,
+    reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
+) -> int:
+    """Compute position, velocity and attitude of a drive, with their uncertainty.
+
+    Aligns the IMU, finds time offsets, runs an error-state Kalman filter over IMU and GNSS, and
+    smooths the result when asked.
+
+    Parameters
+    ----------
+    imu : Path
+        IMU recording: CSV, text, Parquet, NPZ, ROS bag, or a folder with imu.* in it.
+    gnss : Path
+        GNSS recording: the same formats, or RTKLIB .pos.
+    noise : Path, optional
+        Noise model as YAML, from `schuler characterize --noise-out`.
+    smooth : bool
+        Use all data for every moment (fixed-interval smoother).
+    lever_arm : str
+        X,Y,Z from the IMU to the antenna in m, in the axes of the IMU.
+    out : Path, optional
+        Write the trajectory here, .parquet or .csv.
+    report : Path, optional
+        Write a self-contained HTML page here.
+    json : Path, optional
+        Write a summary here; - for standard output.
+    reading : DriveReading, optional
+        How to read the files.
+    """
+    from schuler.cli.console import Screen
+    from schuler.cli.loading import load_noise, parse_numbers, say_if_compiling
+    from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.cli.provenance import command_provenance
+    from schuler.export.trajectory import check_trajectory_name, write_trajectory
+    from schuler.navigate import navigate as solve
+    from schuler.scale.progress import progress
+
+    inputs = (imu, gnss, *((noise,) if noise else ()))
+    outputs = Outputs(out, report, json, inputs=inputs)
+    if out is not None:
+        check_trajectory_name(out)
+    arm = parse_numbers(lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0")
+    recording, fixes = load_drive(imu, gnss, reading or DriveReading())
+    model = load_noise(noise)
+    say_if_compiling()
+    with progress("Navigating"):
+        causal = solve(recording, fixes, model, lever_arm=arm)
+    smoothed = None
+    if smooth:
+        with progress("Smoothing"):
+            smoothed = solve(recording, fixes, model, lever_arm=arm, smooth=True)
+    best = smoothed or causal
+    if report is not None:
+        from schuler.report import NavigationRun, render_report
+
+        page = render_report(
+            NavigationRun(causal, smoothed, fixes),
+            title=f"Navigation of {recording.name}",
+            provenance=command_provenance(inputs=inputs, settings=best.settings),
+        )
+        outputs.text(report, lambda: page)
+    if out is not None:
+        outputs.file(out, lambda path: write_trajectory(path, best, form=out.suffix))
+    outputs.text(json, lambda: json_text(navigation_summary(causal, smoothed)))
+    written = outputs.commit()
+    show_navigation(Screen(json_on_stdout=json == STDOUT), causal, smoothed, written)
+    return 0
+
+
+def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[Any, Any]:
+    """Read IMU and GNSS of a drive, repaired when asked.
+
+    Parameters
+    ----------
+    imu, gnss : Path
+        Files or folders.
+    reading : DriveReading
+        How to read them.
+
+    Returns
+    -------
+    tuple of ImuRecording and GnssRecording
+        The two recordings.
+    """
+    from schuler.cli.loading import load_gnss, load_imu
+
+    recording = load_imu(imu, reading.imu_options())
+    fixes = load_gnss(gnss, reading.gnss_options())
+    if reading.repair:
+        from schuler.characterize.screening import repair, screen
+
+        recording = repair(recording, screen(recording))
+    return recording, fixes
+
+
+def navigation_summary(
+    causal: NavigationSolution, smoothed: NavigationSolution | None
+) -> dict[str, Any]:
+    """Return what a machine wants to know about a run.
+
+    Parameters
+    ----------
+    causal : NavigationSolution
+        Solution of the filter.
+    smoothed : NavigationSolution or None
+        Smoothed solution.
+
+    Returns
+    -------
+    dict
+        Plain values in SI.
+    """
+    import numpy as np
+
+    def answer(solution: NavigationSolution) -> dict[str, Any]:
+        return {
+            "position_sd_median_m": np.median(solution.position_sd, axis=0),
+            "velocity_sd_median_m_s": np.median(solution.velocity_sd, axis=0),
+            "attitude_sd_median_rad": np.median(solution.attitude_sd, axis=0),
+            "last_position_rad_m": solution.trajectory.position[-1],
+            "last_sensor_errors": dict(
+                zip(solution.sensor_error_names, solution.sensor_errors[-1], strict=True)
+            ),
+        }
+
+    updates = {}
+    for kind in causal.innovations.kinds:
+        part = causal.innovations.of_kind(kind)
+        kept = part.accepted
+        updates[kind] = {
+            "updates": int(part.nis.size),
+            "rejected": int(np.count_nonzero(~kept)),
+            "mean_nis_per_degree": float(part.nis[kept].sum() / max(part.degrees[kept].sum(), 1)),
+        }
+    time = causal.trajectory.time
+    return {
+        "samples": causal.trajectory.size,
+        "start_s": float(time[0]),
+        "duration_s": float(time[-1] - time[0]),
+        "causal": answer(causal),
+        "smoothed": None if smoothed is None else answer(smoothed),
+        "updates": updates,
+        "settings": causal.settings,
+    }
+
+
+def show_navigation(
+    screen: Screen,
+    causal: NavigationSolution,
+    smoothed: NavigationSolution | None,
+    written: tuple[Path, ...] = (),
+) -> None:
+    """Print what the filter claims and whether its claims are honest.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    causal : NavigationSolution
+        Solution of the filter.
+    smoothed : NavigationSolution or None
+        Smoothed solution.
+    written : tuple of Path
+        Files that were written.
+    """
+    import numpy as np
+
+    from schuler.report.numbers import duration, number
+
+    time = causal.trajectory.time
+    screen.heading("Navigation", duration(float(time[-1] - time[0])))
+    rows = []
+    for name, solution in (("causal", causal), ("smoothed", smoothed)):
+        if solution is None:
+            continue
+        horizontal = np.sqrt(np.sum(solution.position_sd[:, :2] ** 2, axis=1))
+        tilt = np.degrees(solution.attitude_sd)
+        rows.append(
+            (
+                name,
+                f"{number(float(np.median(horizontal)))} m",
+                f"{number(float(np.median(solution.position_sd[:, 2])))} m",
+                f"{number(float(np.median(np.linalg.norm(solution.velocity_sd, axis=1))))} m/s",
+                f"{number(float(np.median(tilt[:, :2])))} deg",
+                f"{number(float(np.median(tilt[:, 2])))} deg",
+            )
+        )
+    columns = ("claimed sd (median)", "horizontal", "vertical", "velocity", "tilt", "heading")
+    screen.table(columns, rows)
+    updates = navigation_summary(causal, None)["updates"]
+    rows = [
+        (kind, str(u["updates"]), str(u["rejected"]), number(u["mean_nis_per_degree"]))
+        for kind, u in updates.items()
+    ]
+    screen.table(("measurement", "updates", "kept out", "mean NIS a degree (1 is honest)"), rows)
+    for path in written:
+        screen.line(f"   wrote {path}", "dim")

@@ -1,0 +1,192 @@
+"""`schuler outages`: how far it drifts when GNSS is gone, and whether it knows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from schuler.cli.reading import DriveReading
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.cli.console import Screen
+    from schuler.evaluate.outages import OutageEvaluation
+
+MOST_ROWS = 12
+
+
+def outages(
+    *,
+    imu: Path,
+    gnss: Path,
+    noise: Path | None = None,
+    window: tuple[str, ...] = (),
+    sweep: str | None = None,
+    lever_arm: str = "0,0,0",
+    limit: float | None = None,
+    report: Path | None = None,
+    json: Path | None = None,
+    reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
+) -> int:
+    """Withhold GNSS in parts of a drive and measure the error against it.
+
+    Time offsets, mounting and noise are taken from the data outside the windows only.
+
+    Parameters
+    ----------
+    imu : Path
+        IMU recording: CSV, text, Parquet, NPZ, ROS bag, or a folder with imu.* in it.
+    gnss : Path
+        GNSS recording: the same formats, or RTKLIB .pos.
+    noise : Path, optional
+        Noise model as YAML, from `schuler characterize --noise-out`.
+    window : tuple of str
+        START:SECONDS, with START in seconds after the first GNSS epoch. May be repeated.
+    sweep : str, optional
+        SECONDS:EVERY, windows of that length beginning every so many seconds, each in a run of
+        its own.
+    lever_arm : str
+        X,Y,Z from the IMU to the antenna in m, in the axes of the IMU.
+    limit : float, optional
+        Exit with code 1 when the causal mean of the largest errors is above so many m.
+    report : Path, optional
+        Write a self-contained HTML page here.
+    json : Path, optional
+        Write all results here; - for standard output.
+    reading : DriveReading, optional
+        How to read the files.
+    """
+    from schuler.cli.console import Screen, say
+    from schuler.cli.loading import load_noise, parse_numbers, say_if_compiling
+    from schuler.cli.navigate import load_drive
+    from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.evaluate.outages import evaluate_outages
+    from schuler.scale.progress import progress
+
+    inputs = (imu, gnss, *((noise,) if noise else ()))
+    outputs = Outputs(report, json, inputs=inputs)
+    which = parse_windows(window, sweep)
+    arm = parse_numbers(lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0")
+    recording, fixes = load_drive(imu, gnss, reading or DriveReading())
+    model = load_noise(noise)
+    say_if_compiling()
+    with progress("Evaluating outages"):
+        evaluation = evaluate_outages(recording, fixes, model, lever_arm=arm, **which)
+    if report is not None:
+        page = _page(evaluation, recording.name, inputs, which)
+        outputs.text(report, lambda: page)
+    outputs.text(json, lambda: json_text(evaluation.to_dict()))
+    written = outputs.commit()
+    show_outages(Screen(json_on_stdout=json == STDOUT), evaluation, written)
+    mean = evaluation.causal.mean_of_max_m
+    if limit is not None and not mean <= limit:
+        say(f"check failed: mean of the largest errors {mean:.3g} m is above {limit:g} m")
+        return 1
+    return 0
+
+
+def parse_windows(window: tuple[str, ...], sweep: str | None) -> dict[str, Any]:
+    """Return the windows as `evaluate_outages` wants them.
+
+    Parameters
+    ----------
+    window : tuple of str
+        START:SECONDS each.
+    sweep : str or None
+        SECONDS:EVERY.
+
+    Returns
+    -------
+    dict
+        ``windows`` or ``sweep``.
+
+    Raises
+    ------
+    InputError
+        Neither or both are given, or a number is not understood.
+    """
+    from schuler.cli.loading import parse_numbers
+
+    if bool(window) == (sweep is not None):
+        raise InputError(
+            "which outages" if not window else "--window and --sweep together",
+            expected="--window START:SECONDS (may be repeated) or --sweep SECONDS:EVERY",
+        )
+    if sweep is not None:
+        example = "--sweep SECONDS:EVERY, both above zero, such as 30:10"
+        numbers = parse_numbers(sweep, 2, example, ":")
+        if min(numbers) <= 0.0:
+            raise InputError(f"'{sweep}' is not understood", expected=example)
+        return {"sweep": numbers}
+    windows = []
+    for text in window:
+        example = "--window START:SECONDS with SECONDS above zero, such as 120:30"
+        start, seconds = parse_numbers(text, 2, example, ":")
+        if seconds <= 0.0:
+            raise InputError(f"'{text}' is not understood", expected=example)
+        windows.append((start, seconds))
+    return {"windows": tuple(windows)}
+
+
+def _page(
+    evaluation: OutageEvaluation, name: str, inputs: tuple[Path, ...], which: dict[str, Any]
+) -> str:
+    from schuler.cli.provenance import command_provenance
+    from schuler.report import render_report
+
+    return render_report(
+        evaluation,
+        title=f"GNSS outages on {name}",
+        provenance=command_provenance(inputs=inputs, settings=which),
+    )
+
+
+def show_outages(
+    screen: Screen, evaluation: OutageEvaluation, written: tuple[Path, ...] = ()
+) -> None:
+    """Print causal against smoothed, claimed against real.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    evaluation : OutageEvaluation
+        Errors with GNSS withheld.
+    written : tuple of Path
+        Files that were written.
+    """
+    from schuler.report.numbers import number, percent
+
+    answers = [("causal", evaluation.causal), ("smoothed", evaluation.smoothed)]
+    count = len(evaluation.causal.windows)
+    screen.heading("Outages", f"{count} windows, horizontal error in m")
+    rows = [
+        (
+            name,
+            number(s.mean_of_max_m),
+            number(s.median_of_max_m),
+            number(s.worst_m),
+            percent(s.within_2_sigma),
+        )
+        for name, s in answers
+    ]
+    screen.table(("answer", "mean of maxima", "median", "worst", "inside 2 sigma"), rows)
+    rows = [
+        (
+            number(c.start_s, 4),
+            number(c.duration_s),
+            number(c.max_m),
+            number(c.claimed_sd_m),
+            number(s.max_m),
+            number(s.claimed_sd_m),
+        )
+        for c, s in zip(evaluation.causal.windows, evaluation.smoothed.windows, strict=True)
+    ]
+    columns = ("start s", "length s", "causal max", "claimed sd", "smoothed max", "claimed sd")
+    screen.table(columns, rows[:MOST_ROWS], words=0)
+    if len(rows) > MOST_ROWS:
+        screen.line(f"   ... and {len(rows) - MOST_ROWS} more (--json or --report has all)", "dim")
+    for path in written:
+        screen.line(f"   wrote {path}", "dim")

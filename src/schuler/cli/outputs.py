@@ -1,0 +1,163 @@
+"""Files a command writes: checked before the work starts, written together at its end."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from schuler.data.table import write_atomically
+from schuler.errors import InputError
+
+STDOUT = Path("-")
+
+
+def plain_values(value: Any) -> Any:
+    """Return plain JSON values: arrays become lists, numbers that are not finite become null.
+
+    Parameters
+    ----------
+    value : any
+        Mappings, sequences, NumPy arrays and numbers, strings, None.
+
+    Returns
+    -------
+    any
+        The same in plain Python.
+    """
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain_values(v) for key, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain_values(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, (str, int, float, bool)):
+        return value
+    return str(value)
+
+
+def json_text(value: Any) -> str:
+    """Return JSON that every parser reads.
+
+    Parameters
+    ----------
+    value : any
+        See `plain_values`.
+
+    Returns
+    -------
+    str
+        Indented JSON with a newline at its end.
+    """
+    return json.dumps(plain_values(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+class Outputs:
+    """The files of one command.
+
+    Parameters
+    ----------
+    *paths : Path or None
+        Files that will be written; ``-`` is standard output, None is not wanted.
+    inputs : iterable of Path
+        Files that are read, which must not be overwritten.
+
+    Raises
+    ------
+    InputError
+        A folder that does not exist or cannot be written, a folder in place of a file, one file
+        named twice, or an input among the outputs.
+    """
+
+    def __init__(self, *paths: Path | None, inputs: Iterable[Path] = ()) -> None:
+        self._jobs: list[tuple[Path, Callable[[Path], None]]] = []
+        self._spoken: list[str] = []
+        read = {p.resolve() for p in inputs}
+        seen: set[Path] = set()
+        for path in paths:
+            if path is not None and path != STDOUT:
+                _check(path, read, seen)
+                seen.add(path.resolve())
+
+    def text(self, path: Path | None, make: Callable[[], str]) -> None:
+        """Add a file of text, or nothing when `path` is None.
+
+        Parameters
+        ----------
+        path : Path or None
+            File, or ``-`` for standard output.
+        make : callable
+            Returns the whole text; called at once.
+        """
+        if path is None:
+            return
+        content = make()
+        if path == STDOUT:
+            self._spoken.append(content)
+        else:
+            self.file(path, lambda temporary: _write(temporary, content))
+
+    def file(self, path: Path | None, write: Callable[[Path], None]) -> None:
+        """Add a file that a function writes, or nothing when `path` is None.
+
+        Parameters
+        ----------
+        path : Path or None
+            Final name.
+        write : callable
+            Takes a temporary path and writes the whole file there.
+        """
+        if path is not None:
+            self._jobs.append((path, write))
+
+    def commit(self) -> tuple[Path, ...]:
+        """Write all files; none appears before all are complete.
+
+        Returns
+        -------
+        tuple of Path
+            What was written.
+        """
+        self._write_from(0)
+        for content in self._spoken:
+            sys.stdout.write(content)
+        return tuple(path for path, _ in self._jobs)
+
+    def _write_from(self, k: int) -> None:
+        if k == len(self._jobs):
+            return
+        path, write = self._jobs[k]
+
+        def write_and_go_on(temporary: Path) -> None:
+            write(temporary)
+            self._write_from(k + 1)
+
+        write_atomically(path, write_and_go_on)
+
+
+def _write(path: Path, content: str) -> None:
+    path.write_text(content, encoding="utf-8", newline="\n")
+
+
+def _check(path: Path, read: set[Path], seen: set[Path]) -> None:
+    if path.is_dir():
+        raise InputError("is a folder", expected="a file to write", where=str(path))
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputError(
+            "its folder does not exist",
+            expected="an existing folder that can be written",
+            where=str(path),
+        )
+    if not os.access(folder, os.W_OK):
+        raise InputError("its folder cannot be written", where=str(path))
+    if path.resolve() in read:
+        raise InputError("is also an input", expected="another name", where=str(path))
+    if path.resolve() in seen:
+        raise InputError("is named for two outputs", expected="two names", where=str(path))

@@ -1,0 +1,45 @@
+"""The command line as part of where a result came from."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from schuler.report.provenance import Provenance
+
+
+def command_provenance(
+    *,
+    inputs: Iterable[Path] = (),
+    seeds: Mapping[str, int] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Provenance:
+    """Record this command with its inputs.
+
+    Parameters
+    ----------
+    inputs : iterable of Path
+        Files that were read.
+    seeds : mapping of str to int, optional
+        Seeds.
+    settings : mapping, optional
+        Options.
+
+    Returns
+    -------
+    Provenance
+        The record.
+    """
+    from schuler.cli.outputs import plain_values
+    from schuler.report.provenance import record_provenance
+
+    return record_provenance(
+        command="schuler " + shlex.join(sys.argv[1:]),
+        inputs=inputs,
+        seeds=seeds,
+        settings=plain_values(dict(settings or {})),
+    )

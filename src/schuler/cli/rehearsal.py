@@ -1,0 +1,39 @@
+"""The verbs on a few samples: every kernel is called once with the types of real use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+
+def _characterize() -> None:
+    import numpy as np
+
+    from schuler.characterize.screening import screen
+    from schuler.cli.example import EXAMPLE_RATE, example_noise
+    from schuler.identify import characterize_imu
+    from schuler.simulate import simulate_static
+
+    log = simulate_static(example_noise(), 120.0, EXAMPLE_RATE, np.random.default_rng(1))
+    screen(log)
+    characterize_imu(log)
+
+
+def _navigate() -> None:
+    from schuler.cli.example import example_drive, example_noise
+    from schuler.navigate import navigate
+
+    drive = example_drive(100.0)
+    for smooth in (False, True):
+        navigate(drive.imu, drive.gnss, example_noise(), smooth=smooth)
+
+
+def _outages() -> None:
+    from schuler.cli.example import example_drive, example_noise
+    from schuler.evaluate.outages import evaluate_outages
+
+    drive = example_drive(100.0)
+    evaluate_outages(drive.imu, drive.gnss, example_noise(), windows=((60.0, 10.0),))
+
+
+REHEARSALS: tuple[Callable[[], None], ...] = (_characterize, _navigate, _outages)
+"""Each calls a part of the kernels."""

@@ -1,0 +1,25 @@
+"""`schuler warm`: compile every kernel ahead of time."""
+
+from __future__ import annotations
+
+import time
+
+
+def warm() -> None:
+    """Compile all kernels now, so that the first real run does not wait for it.
+
+    The result is kept on disk until schuler or Numba changes; SCHULER_CACHE_DIR chooses where.
+    """
+    from schuler.cli.console import Screen
+    from schuler.cli.rehearsal import REHEARSALS
+    from schuler.kernels.compile import cache_directory
+    from schuler.scale.progress import progress
+
+    began = time.monotonic()
+    with progress("Compiling kernels", known=True) as advance:
+        for k, rehearse in enumerate(REHEARSALS):
+            rehearse()
+            advance((k + 1) / len(REHEARSALS))
+    screen = Screen()
+    screen.line(f"All kernels are compiled ({time.monotonic() - began:.1f} s).")
+    screen.line(f"Kept in {cache_directory()}", "dim")

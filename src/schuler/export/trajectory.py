@@ -1,0 +1,162 @@
+"""Trajectories as tables, Parquet or CSV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data.trajectory import NavigationSolution
+from schuler.errors import InputError
+from schuler.rotations import euler_from_dcm
+
+FORMS = (".parquet", ".csv")
+DIRECTIONS = ("north", "east", "down")
+
+
+def check_trajectory_name(path: str | Path) -> None:
+    """Raise when the ending of a file does not say which format is wanted.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+
+    Raises
+    ------
+    InputError
+        The ending is neither .parquet nor .csv.
+    """
+    if Path(path).suffix.lower() not in FORMS:
+        raise InputError(
+            f"ending '{Path(path).suffix}' is not known",
+            expected=" or ".join(FORMS),
+            where=str(path),
+        )
+
+
+def trajectory_columns(solution: NavigationSolution) -> dict[str, NDArray[np.float64]]:
+    """Return a solution as named columns, in the units of their names.
+
+    Parameters
+    ----------
+    solution : NavigationSolution
+        The solution.
+
+    Returns
+    -------
+    dict of str to (n,) ndarray
+        Time in s, latitude and longitude in deg, height in m, velocity in m/s, roll, pitch and
+        heading in deg, and the standard deviation of each (position north, east, down in m).
+    """
+    trajectory = solution.trajectory
+    columns = {
+        "time_s": trajectory.time,
+        "latitude_deg": np.degrees(trajectory.position[:, 0]),
+        "longitude_deg": np.degrees(trajectory.position[:, 1]),
+        "height_m": trajectory.position[:, 2],
+    }
+    for k, direction in enumerate(DIRECTIONS):
+        columns[f"vel_{direction}_m_s"] = trajectory.velocity[:, k]
+    for name, angle in zip(
+        ("roll", "pitch", "heading"), euler_from_dcm(trajectory.rotation), strict=True
+    ):
+        columns[f"{name}_deg"] = np.degrees(angle)
+    position_sd = solution.position_sd
+    for k, direction in enumerate(DIRECTIONS):
+        columns[f"pos_std_{direction}_m"] = position_sd[:, k]
+    for k, direction in enumerate(DIRECTIONS):
+        columns[f"vel_std_{direction}_m_s"] = solution.velocity_sd[:, k]
+    for k, direction in enumerate(DIRECTIONS):
+        columns[f"att_std_{direction}_deg"] = np.degrees(solution.attitude_sd[:, k])
+    return columns
+
+
+def write_trajectory(path: str | Path, solution: NavigationSolution, form: str = "") -> None:
+    """Write a solution as a table; the file appears only when it is complete.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    solution : NavigationSolution
+        The solution.
+    form : {"", ".parquet", ".csv"}
+        Format; by default that of the ending of the file.
+
+    Raises
+    ------
+    InputError
+        The format is not known, or the folder cannot be written.
+    """
+    write_columns(path, trajectory_columns(solution), form)
+
+
+def write_columns(
+    path: str | Path, columns: dict[str, NDArray[np.float64]], form: str = ""
+) -> None:
+    """Write named columns as Parquet or CSV.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    columns : dict of str to (n,) ndarray
+        In order.
+    form : {"", ".parquet", ".csv"}
+        Format; by default that of the ending of the file.
+    """
+    from schuler.data.table import write_atomically, write_parquet
+
+    if not form:
+        check_trajectory_name(path)
+    if (form or Path(path).suffix).lower() == ".parquet":
+        write_parquet(path, columns)
+        return
+    import polars
+
+    frame = polars.DataFrame(columns)
+    write_atomically(path, lambda temporary: frame.write_csv(temporary))
+
+
+def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
+    """Read the columns of a trajectory that `write_trajectory` wrote as Parquet.
+
+    Parameters
+    ----------
+    path : str or Path
+        Parquet file.
+
+    Returns
+    -------
+    dict of str to (n,) ndarray
+        In the order of the file.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is not Parquet, or is not a trajectory.
+    """
+    import polars
+
+    file = Path(path)
+    if not file.is_file():
+        raise InputError("no such file", where=str(file))
+    try:
+        frame = polars.read_parquet(file)
+    except (polars.exceptions.PolarsError, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            f"cannot be read as Parquet ({reason})",
+            expected="a trajectory from `schuler navigate --out`",
+            where=str(file),
+        ) from None
+    needed = {"time_s", "latitude_deg", "longitude_deg", "height_m"}
+    if not needed <= set(frame.columns):
+        raise InputError(
+            f"has no column '{sorted(needed - set(frame.columns))[0]}'",
+            expected="a trajectory from `schuler navigate --out`",
+            where=str(file),
+        )
+    return {name: frame[name].to_numpy() for name in frame.columns}
