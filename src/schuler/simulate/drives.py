@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler import earth
 from schuler.errors import InputError
-from schuler.simulate.profile import Profile, _fit_local
+from schuler.simulate.profile import Profile, fit_local_profile
 
 FloatArray = NDArray[np.float64]
 
@@ -252,4 +252,4 @@ def drive(
     grade, bank = way.angles(course.distance)
     roll = bank - springs.roll_gradient * course.speed * course.heading_rate
     pitch = grade + springs.pitch_gradient * course.acceleration
-    return _fit_local(knots, local, np.stack([roll, pitch, course.heading], axis=-1), start)
+    return fit_local_profile(knots, local, np.stack([roll, pitch, course.heading], axis=-1), start)

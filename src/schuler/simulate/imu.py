@@ -23,7 +23,7 @@ CHUNK = 4096
 """Sampling intervals worked on at a time."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class TriadErrors:
     """What is wrong with three sensors besides their noise.
 

@@ -241,13 +241,36 @@ def fit_profile(
     t, p = np.asarray(time, dtype=np.float64), np.asarray(position, dtype=np.float64)
     origin_ = p[0] if origin is None else np.asarray(origin, dtype=np.float64)
     local = (p - origin_) * np.array([*earth.metres_per_radian(origin_), 1.0])
-    return _fit_local(t, local, np.asarray(euler, dtype=np.float64), origin_)
+    return fit_local_profile(t, local, np.asarray(euler, dtype=np.float64), origin_)
 
 
-def _fit_local(
+def fit_local_profile(
     time: FloatArray, local: FloatArray, euler: FloatArray, origin: FloatArray
 ) -> Profile:
-    """Fit a profile to metres north, east, up in the scale of the origin."""
+    """Return the profile through positions that are counted from an origin in its own metres.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        Seconds, strictly increasing, at least six.
+    local : (n, 3) ndarray
+        Latitude and longitude minus the origin's, times `earth.metres_per_radian(origin)`, and
+        height minus the origin's, m.
+    euler : (n, 3) ndarray
+        Roll, pitch, yaw in rad, continuous over wraps.
+    origin : (3,) ndarray
+        Latitude rad, longitude rad, height m.
+
+    Returns
+    -------
+    Profile
+        Through every given row.
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, values not finite, or fewer than six rows.
+    """
     from scipy.interpolate import make_interp_spline
 
     n = time.size
