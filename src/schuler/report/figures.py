@@ -42,7 +42,7 @@ def thin(x: FloatArray, y: FloatArray, points: int = MAX_POINTS) -> NDArray[np.i
     """Return the indices of a line that is drawn alike, with every extreme kept.
 
     Each of points/2 equal stretches keeps its smallest and its largest value; the first and the
-    last sample stay.
+    last sample and the gaps (NaN) stay.
 
     Parameters
     ----------
@@ -63,7 +63,9 @@ def thin(x: FloatArray, y: FloatArray, points: int = MAX_POINTS) -> NDArray[np.i
 
     kept = MinMaxDownsampler().downsample(np.ascontiguousarray(y), n_out=points // 4 * 4)
     ends = np.array([0, n - 1], dtype=np.int64)
-    return np.unique(np.concatenate([kept.astype(np.int64), ends]))
+    gaps = np.flatnonzero(np.isnan(y))
+    gaps = gaps[:: max(gaps.size // points, 1)]
+    return np.unique(np.concatenate([kept.astype(np.int64), ends, gaps]))
 
 
 def line(
@@ -295,7 +297,12 @@ def limits(*arrays: ArrayLike, log: bool = False, margin: float = 0.06) -> tuple
         return (0.1, 10.0) if log else (-1.0, 1.0)
     ends = np.array([values.min(), values.max()])
     ends = np.log10(ends) if log else ends
-    span = max(float(ends[1] - ends[0]), 0.3 if log else 1e-12 + 1e-3 * float(np.abs(ends).max()))
+    span = float(ends[1] - ends[0])
+    if log and span < 0.3:
+        ends = ends.mean() + np.array([-0.15, 0.15])
+    elif span <= 1e-9 * float(np.abs(ends).max()):  # a constant: do not blow up rounding
+        ends = ends.mean() + np.array([-1.0, 1.0]) * max(0.1 * abs(float(ends.mean())), 1e-3)
+    span = float(ends[1] - ends[0])
     low, high = ends[0] - margin * span, ends[1] + margin * span
     return (float(10**low), float(10**high)) if log else (float(low), float(high))
 

@@ -94,8 +94,7 @@ def duration(seconds: float) -> str:
         return MISSING
     if seconds < 120.0:
         return f"{number(seconds)} s"
+    if seconds < 1200.0 and round(seconds) % 60:
+        return f"{round(seconds) // 60} min {round(seconds) % 60} s"
     minutes = round(seconds / 60.0)
-    if minutes < 120:
-        rest = round(seconds - 60.0 * (seconds // 60.0))
-        return f"{int(seconds // 60)} min {rest} s" if rest and minutes < 20 else f"{minutes} min"
-    return f"{minutes // 60} h {minutes % 60} min"
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"

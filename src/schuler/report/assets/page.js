@@ -49,8 +49,7 @@
     const layout = { ...dress(figure.layout, styles), template: template(styles), autosize: true, height: figure.height };
     element.dataset.drawn = "yes";
     return Plotly.react(element, dress(figure.traces, styles), layout, {
-      displaylogo: false, responsive: true, showTips: false,
-      modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d", "toImage"],
+      displayModeBar: false, responsive: true, showTips: false,
     });
   };
   const redraw = () => { dressKeys(); plots.filter((p) => p.dataset.drawn).forEach(draw); };

@@ -130,7 +130,7 @@ def _innovations(kind: str, part: Innovations, start: float, spans: Spans) -> Fi
         LegendItem("kept out", "@error", "point"),
         LegendItem("95 % of an honest NIS", "@mark", "dash"),
     )
-    return FigureGrid(tuple(figures), legend)
+    return FigureGrid(tuple(figures), legend, columns=2)
 
 
 def _nis(kind: str, part: Innovations, time: FloatArray, spans: Spans) -> Figure:
