@@ -53,13 +53,13 @@ def characterize(
     repair : bool
         Repair what the screening finds (knocks, outliers, repeated rows) before fitting.
     strict : bool
-        Exit with code 1 when the screening finds an error that was not repaired.
+        Exit with code 1 when the screening finds something to watch that was not repaired.
     reading : ImuReading, optional
         How to read the file.
     """
     from schuler.characterize.screening import repair as repaired
     from schuler.characterize.screening import screen
-    from schuler.cli.console import Screen
+    from schuler.cli.console import Screen, say
     from schuler.cli.loading import load_imu, say_if_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
@@ -72,7 +72,7 @@ def characterize(
     with progress("Screening"):
         screening = screen(imu)
         if repair:
-            imu = repaired(imu, screening)
+            imu = repaired(imu, screening, close_up=True)
     with progress("Fitting the noise of every channel"):
         result = characterize_imu(imu)
     if report is not None:
@@ -96,8 +96,11 @@ def characterize(
     show_characterization(
         Screen(json_on_stdout=json == STDOUT), result, screening, outputs.commit()
     )
-    bad = any(f.severity == "error" for f in screening.findings)
-    return 1 if strict and bad and not repair else 0
+    watch = sum(f.severity != "info" for f in screening.findings)
+    if strict and watch and not repair:
+        say(f"check failed: {watch} finding{'' if watch == 1 else 's'} to watch")
+        return 1
+    return 0
 
 
 def show_characterization(
