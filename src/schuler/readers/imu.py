@@ -142,13 +142,11 @@ def _shared_clock(times: dict[int, Any]) -> dict[int, tuple[FloatArray, str]]:
             if slots.size == 1:
                 time[row] = slots[0]
         if np.diff(time).min() > 0.0:
+            count = f"{repeats.size} wrong time stamp{'s' if repeats.size > 1 else ''}"
             result[number] = (
                 time,
-                (
-                    f"{repeats.size} wrong time stamp{'s' if repeats.size > 1 else ''} (first "
-                    f"{first:.6f} s, repeated) replaced by that of the other IMUs of the file, which "
-                    "share the clock"
-                ),
+                f"{count} (first {first:.6f} s, repeated) replaced by that of the other IMUs of "
+                "the file, which share the clock",
             )
     return result
 
@@ -298,6 +296,7 @@ def _usable_rows(
                 )
             first = first or (f"{role}_{axis}", one)
             bad |= one
+    _no_axis_all_zero(source, chosen, gyro, accel)
     if first is not None and not options.repair:
         role, one = first
         row = int(np.argmax(one))
@@ -318,6 +317,21 @@ def _usable_rows(
     if late:
         notes.append(f"left out {late} rows whose time repeats or goes backwards")
     return keep & forward, notes
+
+
+def _no_axis_all_zero(
+    source: Source, chosen: dict[str, Column], gyro: FloatArray, accel: FloatArray
+) -> None:
+    for role, (_, _, sensor) in _KINDS.items():
+        values = gyro if sensor == "gyro" else accel
+        for k, axis in enumerate(_AXES):
+            if f"{role}_{axis}" in chosen and not values[:, k].any():
+                raise InputError(
+                    f"{sensor} {axis} is zero in all {values.shape[0]} rows: no sensor does that",
+                    expected="measured values",
+                    cure=f"check it, or leave it out with columns={{'{role}_{axis}': None}}",
+                    where=f"{source.path}, column '{chosen[f'{role}_{axis}'].name}'",
+                )
 
 
 def _rates_from_increments(

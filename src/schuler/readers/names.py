@@ -92,7 +92,8 @@ GNSS_ROLES: dict[str, str] = {
     "position_sd": _POSITION_SD,
     "position_sd_north": rf"{_POSITION_SD}(?:north|n)|sdn|stdn|northsd|northstd",
     "position_sd_east": rf"{_POSITION_SD}(?:east|e)|sde|stde|eastsd|eaststd",
-    "position_sd_down": rf"{_POSITION_SD}(?:down|d|up|u)|sdu|sdd|stdu|stdd|upsd|downsd|upstd|downstd",
+    "position_sd_down": rf"{_POSITION_SD}(?:down|d|up|u)|sdu|sdd|stdu|stdd|"
+    r"upsd|downsd|upstd|downstd",
     "horizontal_accuracy": r"hacc|horizontalaccuracy|hdev|accuracy",
     "vertical_accuracy": r"vacc|verticalaccuracy|vdev",
     "velocity_sd": rf"{_VELOCITY_SD}|sacc|speedaccuracy",
