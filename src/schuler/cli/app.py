@@ -24,7 +24,6 @@ GOOD, FAILED_CHECK, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
 EPILOGUE = "Exit codes: 0 all is well, 1 a check failed, 2 bad input (one line on stderr says why)."
 
 
-
 def _show_default(value: object) -> object:
     """Hide the defaults that say nothing: no, none, and empty."""
     return None if value in (None, False, (), "") else value

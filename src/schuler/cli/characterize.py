@@ -125,7 +125,7 @@ def show_characterization(
     from schuler.report.sections.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")
-    columns, rows = parameter_rows(result, units="datasheet")
+    columns, rows = parameter_rows(result.noise_model, "datasheet")
     screen.table(columns, rows, words=2)
     for text in result.findings:
         screen.finding("info", text)

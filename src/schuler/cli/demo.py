@@ -205,7 +205,8 @@ def _static_part(
     assert material.static is not None
     with progress("Static log: screening and fitting the noise"):
         screening = look(material.static)
-        recording = repair(material.static, screening)
+        screening.require_usable()
+        recording = repair(material.static, screening, close_up=True)
         result = characterize_imu(recording)
     show_characterization(screen, result, screening)
     sections += [result, screening, recording]

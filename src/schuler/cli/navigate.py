@@ -107,14 +107,15 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[Any, Any]:
     tuple of ImuRecording and GnssRecording
         The two recordings.
     """
+    from schuler.characterize.screening import repair, screen
     from schuler.cli.loading import load_gnss, load_imu
 
     recording = load_imu(imu, reading.imu_options())
     fixes = load_gnss(gnss, reading.gnss_options())
+    screening = screen(recording)
+    screening.require_usable()
     if reading.repair:
-        from schuler.characterize.screening import repair, screen
-
-        recording = repair(recording, screen(recording))
+        recording = repair(recording, screening)
     return recording, fixes
 
 
@@ -213,10 +214,10 @@ def show_navigation(
     columns = ("claimed sd (median)", "horizontal", "vertical", "velocity", "tilt", "heading")
     screen.table(columns, rows)
     updates = navigation_summary(causal, None)["updates"]
-    rows = [
+    counts = [
         (kind, str(u["updates"]), str(u["rejected"]), number(u["mean_nis_per_degree"]))
         for kind, u in updates.items()
     ]
-    screen.table(("measurement", "updates", "kept out", "mean NIS a degree (1 is honest)"), rows)
+    screen.table(("measurement", "updates", "kept out", "mean NIS a degree (1 is honest)"), counts)
     for path in written:
         screen.line(f"   wrote {path}", "dim")

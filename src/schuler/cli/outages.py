@@ -173,7 +173,7 @@ def show_outages(
         for name, s in answers
     ]
     screen.table(("answer", "mean of maxima", "median", "worst", "inside 2 sigma"), rows)
-    rows = [
+    each = [
         (
             number(c.start_s, 4),
             number(c.duration_s),
@@ -185,8 +185,8 @@ def show_outages(
         for c, s in zip(evaluation.causal.windows, evaluation.smoothed.windows, strict=True)
     ]
     columns = ("start s", "length s", "causal max", "claimed sd", "smoothed max", "claimed sd")
-    screen.table(columns, rows[:MOST_ROWS], words=0)
-    if len(rows) > MOST_ROWS:
-        screen.line(f"   ... and {len(rows) - MOST_ROWS} more (--json or --report has all)", "dim")
+    screen.table(columns, each[:MOST_ROWS], words=0)
+    if len(each) > MOST_ROWS:
+        screen.line(f"   ... and {len(each) - MOST_ROWS} more (--json or --report has all)", "dim")
     for path in written:
         screen.line(f"   wrote {path}", "dim")

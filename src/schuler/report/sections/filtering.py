@@ -62,7 +62,7 @@ def innovation_section(solution: NavigationSolution, spans: Spans) -> Section:
         "freedom; above 1 it claims too much, below 1 too little.",
     )
     grids = tuple(_innovations(kind, part, start, spans) for kind, part in parts.items())
-    sentences = ()
+    sentences: tuple[str, ...] = ()
     if innovations.nis.size:
         mean = float(innovations.nis[innovations.accepted].sum()) / max(
             int(innovations.degrees[innovations.accepted].sum()), 1

@@ -8,7 +8,15 @@ from importlib import import_module
 from schuler.errors import InputError
 from schuler.report.blocks import Section
 
-_HOMES = ("recording", "screening", "characterization", "navigation", "outages")
+_HOMES = {
+    "schuler.data.imu": "recording",
+    "schuler.data.trajectory": "navigation",
+    "schuler.characterize": "screening",
+    "schuler.identify": "characterization",
+    "schuler.evaluate": "outages",
+    "schuler.report": "navigation",
+}
+"""Where the maker for the results of a module lives: only that one is imported."""
 
 
 @singledispatch
@@ -46,6 +54,8 @@ def sections_of(result: object) -> tuple[Section, ...]:
     InputError
         Nothing is known about this kind of result.
     """
-    for home in _HOMES:
-        import_module(f"schuler.report.sections.{home}")
+    module = type(result).__module__
+    for start, home in _HOMES.items():
+        if f"{module}.".startswith(f"{start}."):
+            import_module(f"schuler.report.sections.{home}")
     return _sections(result)

@@ -1,0 +1,62 @@
+"""What is wrong with a recording, and what is good to know about it."""
+
+from __future__ import annotations
+
+from schuler.characterize.screening import Finding as Seen
+from schuler.characterize.screening import Screening
+from schuler.report.blocks import Facts, Finding, Findings, Section
+from schuler.report.numbers import duration, number
+from schuler.report.sections.registry import register
+
+MOST_INTERVALS = 4
+
+
+@register
+def screening_sections(screening: Screening) -> tuple[Section, ...]:
+    """Show a screening.
+
+    Parameters
+    ----------
+    screening : Screening
+        What was seen in a recording.
+
+    Returns
+    -------
+    tuple of Section
+        One section.
+    """
+    facts = Facts(
+        (
+            ("Rate", f"{number(screening.rate, 6)} Hz"),
+            ("Jitter of the time stamps", f"{number(1e3 * screening.jitter)} ms"),
+            ("Repeated rows", str(int(screening.repeated.sum()))),
+            ("Knocks and outliers", str(len(screening.disturbed))),
+            ("Gaps", str(len(screening.gaps))),
+            ("Stood still", "throughout" if screening.static else _rest(screening)),
+        )
+    )
+    items = tuple(Finding(f.severity, f.message, _where(f)) for f in screening.findings)
+    if not items:
+        items = (Finding("good", "Nothing to remark: the recording looks as it should."),)
+    serious = sum(f.severity != "info" for f in screening.findings)
+    words = f"has {serious} thing{'' if serious == 1 else 's'} to watch" if serious else "is clean"
+    sentence = f"The recording {screening.name} ({duration(screening.duration)}) {words}."
+    return (Section("Screening", (facts, Findings(items)), (sentence,)),)
+
+
+def _rest(screening: Screening) -> str:
+    seconds = sum(stop - start for start, stop in screening.rest)
+    return duration(seconds) if seconds else "never"
+
+
+def _where(finding: Seen) -> str:
+    if not finding.intervals:
+        return ""
+    spans = [
+        f"{number(start, 6)} s"
+        if stop - start < 0.1
+        else f"{number(start, 6)} to {number(stop, 6)} s"
+        for start, stop in finding.intervals[:MOST_INTERVALS]
+    ]
+    more = len(finding.intervals) - len(spans)
+    return "At " + ", ".join(spans) + (f" and {more} more." if more > 0 else ".")

@@ -1,0 +1,62 @@
+"""The door is light: nothing heavy is imported before it is needed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+HEAVY = ("numba", "scipy", "pandas", "polars", "plotly", "jinja2", "rosbags")
+PROBE = """
+import sys, time
+sys.argv = ["schuler", *{arguments!r}]
+{statement}
+spent = time.process_time()
+heavy = [m for m in {heavy!r} if m in sys.modules]
+print(f"\\n@@{{spent:.3f}} {{','.join(heavy)}}")
+"""
+
+
+def probe(statement: str, arguments: list[str]) -> tuple[float, list[str], str]:
+    code = PROBE.format(statement=statement, arguments=arguments, heavy=HEAVY)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    spoken, _, tail = done.stdout.rpartition("@@")
+    seconds, _, names = tail.strip().partition(" ")
+    return float(seconds), names.split(",") if names else [], spoken
+
+
+HELP = "from schuler.cli import main; assert main() == 0"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["characterize", "--help"], ["outages", "--help"], ["--version"]],
+    ids=" ".join,
+)
+def test_help_costs_little_and_imports_nothing_heavy(arguments: list[str]) -> None:
+    # The minimum of three: a shared machine makes single runs slower, never faster.
+    seconds, heavy, spoken = min(probe(HELP, arguments) for _ in range(3))
+    assert heavy == []
+    assert seconds < 0.4
+    assert spoken.strip()
+
+
+def test_import_of_the_package_imports_not_even_numpy() -> None:
+    began = time.monotonic()
+    code = "import schuler, sys; print('numpy' in sys.modules, len(schuler.__all__) > 30)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+    assert time.monotonic() - began < 30.0
+
+
+def test_python_dash_m_is_the_same_program() -> None:
+    import schuler
+
+    done = subprocess.run(
+        [sys.executable, "-m", "schuler", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == schuler.__version__
