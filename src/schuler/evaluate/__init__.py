@@ -1,1 +1,10 @@
-"""evaluate"""
+"""How good a solution is where it hurts, and whether its uncertainty can be believed."""
+
+from schuler.evaluate.outages import (
+    OutageEvaluation,
+    OutageStatistics,
+    OutageWindow,
+    evaluate_outages,
+)
+
+__all__ = ["OutageEvaluation", "OutageStatistics", "OutageWindow", "evaluate_outages"]

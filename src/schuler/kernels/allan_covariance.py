@@ -115,7 +115,7 @@ def _panels(
         count += 1
         for k in range(-1 if rough else 0, gm_time.size):
             width = m if k < 0 else gm_time[k]
-            for step in (0.5, 2.0, 6.0, 20.0):
+            for step in (1.0, 6.0):
                 edges[count] = kink - step * width
                 edges[count + 1] = kink + step * width
                 count += 2
@@ -214,7 +214,7 @@ def relative_covariance(
     out : (t, t) ndarray
         Filled in place.
     """
-    edges = np.empty(5 * (1 + 8 * (1 + gm_time.size)) + 1)
+    edges = np.empty(5 * (1 + 4 * (1 + gm_time.size)) + 1)
     expected = np.empty(factors.size)
     for i in range(factors.size):
         m = float(factors[i])

@@ -1,0 +1,410 @@
+"""Withhold GNSS, navigate through the gap, compare with what was withheld. Spec 7.9, 8.4.
+
+The withheld epochs are taken out of the recording before anything looks at it: alignment, time
+offsets, noise and filter of a run never see the windows on which the run is judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.data import GnssRecording, ImuRecording, NavigationSolution
+from schuler.earth import metres_per_radian
+from schuler.errors import InputError
+from schuler.navigate import prepare, run, withhold
+from schuler.navigate.navigation import FALSE_ALARM, NavigationRun
+from schuler.processes.noise_model import NoiseModel
+
+FloatArray = NDArray[np.float64]
+Window = tuple[float, float]
+
+# chi-square of two degrees of freedom at the probability of 2 sigma, 0.9545
+TWO_SIGMA = 6.180074306244168
+# before the first window, the run needs this long to align and settle (s)
+SETTLING = 60.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutageWindow:
+    """One outage, judged at every epoch that was withheld.
+
+    Parameters
+    ----------
+    start_s, duration_s : float
+        Seconds after the first GNSS epoch, and length.
+    max_m, mean_m : float
+        Horizontal error.
+    claimed_sd_m : float
+        Claimed horizontal standard deviation (root of the sum of both variances) where the error
+        is largest.
+    within_2_sigma : float
+        Share of epochs inside the 95.4 % ellipse of the claimed covariance.
+    time : (k,) ndarray
+        Seconds after the first GNSS epoch.
+    error_ned : (k, 3) ndarray
+        Solution minus GNSS at the antenna, m.
+    covariance : (k, 2, 2) ndarray
+        Claimed, north and east, GNSS's own included, m².
+    """
+
+    start_s: float
+    duration_s: float
+    max_m: float
+    mean_m: float
+    claimed_sd_m: float
+    within_2_sigma: float
+    time: FloatArray
+    error_ned: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutageStatistics:
+    """All windows of one kind of solution.
+
+    Parameters
+    ----------
+    windows : tuple of OutageWindow
+        In order of time.
+    """
+
+    windows: tuple[OutageWindow, ...]
+
+    @property
+    def mean_of_max_m(self) -> float:
+        """Mean over the windows of the largest horizontal error, m."""
+        return float(np.mean([w.max_m for w in self.windows]))
+
+    @property
+    def median_of_max_m(self) -> float:
+        """Median over the windows of the largest horizontal error, m."""
+        return float(np.median([w.max_m for w in self.windows]))
+
+    @property
+    def worst_m(self) -> float:
+        """Largest horizontal error of all, m."""
+        return float(max(w.max_m for w in self.windows))
+
+    @property
+    def mean_m(self) -> float:
+        """Mean over the windows of the mean horizontal error, m."""
+        return float(np.mean([w.mean_m for w in self.windows]))
+
+    @property
+    def within_2_sigma(self) -> float:
+        """Share of all withheld epochs inside their claimed 95.4 % ellipse."""
+        weights = [w.time.size for w in self.windows]
+        return float(np.average([w.within_2_sigma for w in self.windows], weights=weights))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values.
+
+        Returns
+        -------
+        dict
+            Overall figures and a list of windows.
+        """
+        return {
+            "mean_of_max_m": self.mean_of_max_m,
+            "median_of_max_m": self.median_of_max_m,
+            "worst_m": self.worst_m,
+            "mean_m": self.mean_m,
+            "within_2_sigma": self.within_2_sigma,
+            "windows": [
+                {
+                    "start_s": w.start_s,
+                    "duration_s": w.duration_s,
+                    "max_m": w.max_m,
+                    "mean_m": w.mean_m,
+                    "claimed_sd_m": w.claimed_sd_m,
+                    "within_2_sigma": w.within_2_sigma,
+                }
+                for w in self.windows
+            ],
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutageEvaluation:
+    """Causal and smoothed solutions against the GNSS that was withheld from them.
+
+    Parameters
+    ----------
+    causal, smoothed : OutageStatistics
+        The smoothed solution uses GNSS after the gap, never inside it.
+    sweep : bool
+        Whether the windows were laid out systematically.
+    runs : tuple of dict
+        Settings of every run: which windows it withheld, what it estimated.
+    solutions : tuple of (NavigationSolution, NavigationSolution)
+        Causal and smoothed solution of every run.
+    """
+
+    causal: OutageStatistics
+    smoothed: OutageStatistics
+    sweep: bool
+    runs: tuple[dict[str, Any], ...]
+    solutions: tuple[tuple[NavigationSolution, NavigationSolution], ...] = field(default=())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON.
+
+        Returns
+        -------
+        dict
+            Keys "causal", "smoothed", "sweep", "runs".
+        """
+        return {
+            "causal": self.causal.to_dict(),
+            "smoothed": self.smoothed.to_dict(),
+            "sweep": self.sweep,
+            "runs": list(self.runs),
+        }
+
+
+def sweep_windows(
+    seconds: float, every: float, duration: float, settling: float = SETTLING
+) -> tuple[Window, ...]:
+    """Lay out windows systematically over a run.
+
+    Parameters
+    ----------
+    seconds, every : float
+        Length of a window and distance between starts, s.
+    duration : float
+        Of the recording, s.
+    settling : float
+        Time before the first window, s.
+
+    Returns
+    -------
+    tuple of (start, seconds)
+        All windows that end at least 5 s before the end of the recording.
+
+    Raises
+    ------
+    InputError
+        Nothing fits.
+    """
+    if not (seconds > 0.0 and every > 0.0):
+        raise InputError(f"sweep of {seconds:g} s every {every:g} s", expected="positive numbers")
+    starts = np.arange(settling, duration - seconds - 5.0 + 1e-6, every)
+    if not starts.size:
+        raise InputError(
+            f"no window of {seconds:g} s fits into a run of {duration:.0f} s",
+            expected=f"at least {settling + seconds + 5.0:.0f} s of GNSS",
+        )
+    return tuple((float(s), float(seconds)) for s in starts)
+
+
+def deal_windows(windows: Sequence[Window]) -> tuple[tuple[Window, ...], ...]:
+    """Deal windows into runs so that GNSS is back between two windows of a run.
+
+    Between two windows of one run there is at least as much GNSS as the first took away.
+
+    Parameters
+    ----------
+    windows : sequence of (start, seconds)
+        Any order, overlapping or not.
+
+    Returns
+    -------
+    tuple of tuples of (start, seconds)
+        As few runs as that needs.
+    """
+    runs: list[list[Window]] = []
+    for start, seconds in sorted(windows):
+        for group in runs:
+            before, length = group[-1]
+            if start >= before + 2.0 * length - 1e-6:
+                group.append((start, seconds))
+                break
+        else:
+            runs.append([(start, seconds)])
+    return tuple(tuple(r) for r in runs)
+
+
+def judge_window(
+    solution: NavigationSolution,
+    gnss: GnssRecording,
+    window: Window,
+    *,
+    lever_arm: FloatArray,
+    time_offset: float,
+    sd_factor: float,
+) -> OutageWindow:
+    """Compare a solution with the GNSS positions of one window.
+
+    Parameters
+    ----------
+    solution : NavigationSolution
+        Found without the window.
+    gnss : GnssRecording
+        All epochs.
+    window : (start, seconds)
+        Seconds after the first epoch.
+    lever_arm : (3,) ndarray
+        Antenna from IMU, body frame, m.
+    time_offset : float
+        Of GNSS position, as for `TimeOffsets`.
+    sd_factor : float
+        On the receiver's standard deviations.
+
+    Returns
+    -------
+    OutageWindow
+        Errors and coverage.
+
+    Raises
+    ------
+    InputError
+        No withheld epoch falls inside the solution.
+    """
+    start, seconds = window
+    since = gnss.time - gnss.time[0]
+    path = solution.trajectory
+    stamp = gnss.time + time_offset
+    inside = (since >= start - 1e-6) & (since <= start + seconds + 1e-6)
+    inside &= (stamp >= path.time[0]) & (stamp <= path.time[-1])
+    if not inside.any():
+        raise InputError(
+            f"no GNSS epoch to compare with in the outage {start:g}:{seconds:g}",
+            expected=f"a window inside 0 .. {since[-1]:.0f} s",
+        )
+    truth, time = gnss.position[inside], stamp[inside]
+    found = np.column_stack([np.interp(time, path.time, path.position[:, i]) for i in range(3)])
+    near = np.clip(np.searchsorted(path.time, time), 0, path.size - 1)
+    arm = path.rotation[near] @ lever_arm
+    north, east = metres_per_radian(truth)
+    error = arm + np.column_stack(
+        [
+            (found[:, 0] - truth[:, 0]) * north,
+            (found[:, 1] - truth[:, 1]) * east,
+            truth[:, 2] - found[:, 2],
+        ]
+    )
+    assert gnss.position_sd is not None
+    own = gnss.position_sd[inside, :2] * sd_factor
+    claimed = solution.position_covariance[near][:, :2, :2].copy()
+    claimed[:, [0, 1], [0, 1]] += own**2
+    distance = np.einsum(
+        "ki,ki->k", error[:, :2], np.linalg.solve(claimed, error[:, :2, None])[:, :, 0]
+    )
+    horizontal = np.linalg.norm(error[:, :2], axis=1)
+    worst = int(np.argmax(horizontal))
+    return OutageWindow(
+        start_s=start,
+        duration_s=seconds,
+        max_m=float(horizontal[worst]),
+        mean_m=float(horizontal.mean()),
+        claimed_sd_m=float(np.sqrt(np.trace(claimed[worst]))),
+        within_2_sigma=float(np.mean(distance <= TWO_SIGMA)),
+        time=since[inside],
+        error_ned=error,
+        covariance=claimed,
+    )
+
+
+def evaluate_outages(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    noise_model: NoiseModel | None = None,
+    *,
+    windows: Sequence[Window] = (),
+    sweep: Window | None = None,
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
+    heading: float | None = None,
+    mounting: FloatArray | None = None,
+    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
+    tune_noise: bool | None = None,
+    false_alarm: float = FALSE_ALARM,
+    progress: Callable[[str], None] | None = None,
+) -> OutageEvaluation:
+    """Withhold GNSS in windows and judge the solutions there.
+
+    Given windows that lie apart are withheld together in one run, as an engineer would drive
+    them; overlapping ones, as a dense sweep has, are dealt into several runs.
+
+    Parameters
+    ----------
+    imu, gnss, noise_model
+        As for `navigate`.
+    windows : sequence of (start, seconds)
+        Seconds after the first GNSS epoch.
+    sweep : (seconds, every) or None
+        Windows of `seconds` that start every `every` seconds, instead of `windows`.
+    lever_arm, heading, mounting, time_offset, tune_noise, false_alarm, progress
+        As for `navigate`.
+
+    Returns
+    -------
+    OutageEvaluation
+        Causal and smoothed figures.
+
+    Raises
+    ------
+    InputError
+        No windows, windows outside the run, or inputs that cannot be used.
+    """
+    if sweep is not None:
+        windows = sweep_windows(sweep[0], sweep[1], gnss.duration)
+    if not windows:
+        raise InputError("no outage was asked for", cure="give windows or a sweep")
+    _check_windows(windows, gnss)
+    groups = deal_windows(windows)
+    arm = np.asarray(lever_arm, dtype=np.float64)
+    causal: list[OutageWindow] = []
+    smoothed: list[OutageWindow] = []
+    settings: list[dict[str, Any]] = []
+    solutions: list[tuple[NavigationSolution, NavigationSolution]] = []
+    for number, group in enumerate(groups):
+        label = f"run {number + 1} of {len(groups)}: " if len(groups) > 1 else ""
+        say = None if progress is None else _prefixed(progress, label)
+        used = withhold(gnss, group)
+        cut, setup = prepare(
+            imu, used, noise_model, lever_arm=arm, heading=heading, mounting=mounting,
+            time_offset=time_offset, tune_noise=tune_noise, progress=say,
+        )
+        if say is not None:
+            say("filtering and smoothing")
+        done: NavigationRun = run(cut, used, setup, smooth=True, false_alarm=false_alarm)
+        assert done.smoothed is not None
+        for solution, results in ((done.causal, causal), (done.smoothed, smoothed)):
+            results += [
+                judge_window(
+                    solution, gnss, window, lever_arm=arm,
+                    time_offset=setup.offsets.position, sd_factor=setup.factors.position_sd,
+                )
+                for window in group
+            ]
+        settings.append(done.causal.settings | {"outages": [list(w) for w in group]})
+        solutions.append((done.causal, done.smoothed))
+    return OutageEvaluation(
+        causal=_in_order(causal),
+        smoothed=_in_order(smoothed),
+        sweep=sweep is not None,
+        runs=tuple(settings),
+        solutions=tuple(solutions),
+    )
+
+
+def _in_order(windows: list[OutageWindow]) -> OutageStatistics:
+    return OutageStatistics(tuple(sorted(windows, key=lambda w: (w.start_s, w.duration_s))))
+
+
+def _prefixed(progress: Callable[[str], None], label: str) -> Callable[[str], None]:
+    return lambda text: progress(label + text)
+
+
+def _check_windows(windows: Sequence[Window], gnss: GnssRecording) -> None:
+    for start, seconds in windows:
+        if start < 0.0 or seconds <= 0.0 or start + seconds > gnss.duration:
+            raise InputError(
+                f"outage {start:g}:{seconds:g} reaches outside the run",
+                expected=f"START:SECONDS inside 0 .. {gnss.duration:.0f} s after the first fix",
+            )

@@ -1,0 +1,386 @@
+"""The closed-loop error-state Kalman filter over a whole recording. Spec 7.1 to 7.3.
+
+One pass over the IMU samples; an aiding measurement that falls inside a sample splits it. The
+same step functions serve a streaming filter.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.kernels.compile import kernel
+from schuler.kernels.covariance import (
+    navigation_rows,
+    propagate_covariance,
+    sensor_transition,
+)
+from schuler.kernels.geodesy import radii_of_curvature
+from schuler.kernels.strapdown import rotation_from_quaternion, strapdown_step
+from schuler.kernels.update import (
+    feed_back,
+    innovation_statistics,
+    measurement_model,
+    scalar_update,
+)
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@kernel()
+def correct_sample(
+    gyro: Array,
+    accel: Array,
+    dt: float,
+    sensor_state: Array,
+    channel: Integers,
+    direction: Array,
+    angle: Array,
+    velocity: Array,
+) -> None:
+    """Increments over one sample with the estimated sensor errors taken off. Spec 7.2.
+
+    `channel` and `direction` as in `channel_rows`. Writes angle (3,) rad and velocity (3,) m/s.
+    """
+    for i in range(3):
+        angle[i] = gyro[i]
+        velocity[i] = accel[i]
+    for j in range(sensor_state.size):
+        value = sensor_state[j]
+        c = channel[j]
+        if math.isnan(direction[j, 0]):
+            if c < 3:
+                velocity[c] -= value
+            else:
+                angle[c - 3] -= value
+        else:
+            for i in range(3):
+                if c < 3:
+                    velocity[i] -= direction[j, i] * value
+                else:
+                    angle[i] -= direction[j, i] * value
+    for i in range(3):
+        angle[i] *= dt
+        velocity[i] *= dt
+
+
+@kernel()
+def accumulate_transition(
+    top: Array,
+    sensor: Array,
+    dt: float,
+    rotation: Array,
+    earth: Array,
+    transport: Array,
+    channel: Integers,
+    direction: Array,
+    partner: Integers,
+    transition: Array,
+    errors: Array,
+    work: Array,
+) -> None:
+    """Left-multiply the accumulated transition by that of one step, in place.
+
+    The transition is kept as its nine navigation rows `top` (9, n) and the sensor blocks
+    `sensor` (m, 2) in the layout of `sensor_transition`.
+    """
+    n = top.shape[1]
+    m = n - 9
+    for c in range(6):
+        for k in range(n):
+            errors[c, k] = 0.0
+    for j in range(m):
+        c = channel[j]
+        other = partner[j]
+        if math.isnan(direction[j, 0]):
+            errors[c, 9 + j] += sensor[j, 0]
+            if other >= 0:
+                errors[c, 9 + other] += sensor[j, 1]
+        else:
+            base = 0 if c < 3 else 3
+            for i in range(3):
+                errors[base + i, 9 + j] += direction[j, i] * sensor[j, 0]
+                if other >= 0:
+                    errors[base + i, 9 + other] += direction[j, i] * sensor[j, 1]
+    navigation_rows(top, errors, work, n, dt, rotation, earth, transport)
+    for i in range(9):
+        for k in range(n):
+            top[i, k] = work[i, k]
+    for j in range(m):
+        other = partner[j]
+        if other < 0:
+            sensor[j, 0] *= transition[j, 0]
+        elif other > j:
+            a, b = sensor[j, 0], sensor[j, 1]
+            c0, d = sensor[other, 1], sensor[other, 0]
+            p, q = transition[j, 0], transition[j, 1]
+            r, s = transition[other, 1], transition[other, 0]
+            sensor[j, 0], sensor[j, 1] = p * a + q * c0, p * b + q * d
+            sensor[other, 1], sensor[other, 0] = r * a + s * c0, r * b + s * d
+
+
+@kernel()
+def reset_transition(top: Array, sensor: Array) -> None:
+    """Set the accumulated transition to the identity."""
+    top[:, :] = 0.0
+    for i in range(9):
+        top[i, i] = 1.0
+    sensor[:, 0] = 1.0
+    sensor[:, 1] = 0.0
+
+
+@kernel()
+def run_filter(
+    time: Array,
+    gyro: Array,
+    accel: Array,
+    position: Array,
+    velocity: Array,
+    quaternion: Array,
+    sensor_state: Array,
+    covariance: Array,
+    channel: Integers,
+    direction: Array,
+    drift: Array,
+    diffusion: Array,
+    partner: Integers,
+    white: Array,
+    white_scale: Array,
+    aid_time: Array,
+    aid_kind: Integers,
+    aid_value: Array,
+    aid_variance: Array,
+    aid_lever: Array,
+    gate: Array,
+    patience: int,
+    longest_step: float,
+    out_position: Array,
+    out_velocity: Array,
+    out_rotation: Array,
+    out_position_covariance: Array,
+    out_velocity_sd: Array,
+    out_attitude_sd: Array,
+    aid_residual: Array,
+    aid_deviation: Array,
+    aid_nis: Array,
+    aid_degrees: Integers,
+    aid_accepted: NDArray[np.bool_],
+    node_interval: float,
+    node_time: Array,
+    node_sensor: Array,
+    node_sensor_sd: Array,
+    node_covariance: Array,
+    node_top: Array,
+    node_transition: Array,
+    node_error: Array,
+    node_aid: Integers,
+    aid_row: Array,
+    aid_gain: Array,
+    aid_scalar: Array,
+) -> tuple[float, int, int]:
+    """Run the filter; the state arrays end as the final state.
+
+    Sizes: n samples, m sensor states, s = 9 + m, u aiding measurements (sorted by time), k
+    nodes. Per sample outputs have n rows (or none, then nothing is written). Nodes are made at
+    every aiding time and at least every `node_interval`; with node_covariance of k rows
+    (k, s, s) all that the smoother needs is kept: node_top (k, 9, s) and node_transition
+    (k, m, 2) from the node before, node_error (k, s) the correction fed back there, node_aid
+    (k, 2) the range of measurements used there, aid_row and aid_gain (u, 3, s), aid_scalar
+    (u, 3, 2) innovation and its variance.
+
+    white (6,): squared noise densities, accelerometer then gyro; white_scale (n, 6) or (0, 6)
+    multiplies them sample by sample. gate (4,): largest normalised innovation squared accepted
+    for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind the next one is
+    let in, as measurements that keep agreeing with each other are right and the filter is wrong.
+
+    Returns the log-likelihood of the accepted measurements, the number of nodes, and the index
+    of the first sample at which the state was no longer finite (-1: none).
+    """
+    n = time.size
+    m = sensor_state.size
+    size = 9 + m
+    updates = aid_time.size
+    keep_samples = out_position.shape[0] > 0
+    keep_nodes = node_covariance.shape[0] > 0
+    scaled = white_scale.shape[0] > 0
+
+    rotation = np.empty((3, 3))
+    rotation_from_quaternion(quaternion, rotation)
+    earth = np.zeros(10)
+    transport = np.zeros(3)
+    body_rate = np.zeros(3)
+    angle, velocity_increment = np.zeros(3), np.zeros(3)
+    previous_angle, previous_velocity = np.zeros(3), np.zeros(3)
+    part_angle, part_velocity = np.zeros(3), np.zeros(3)
+    top, errors = np.empty((9, size)), np.empty((6, size))
+    block, block_errors, block_top = np.empty((9, 9)), np.empty((6, 9)), np.empty((9, 9))
+    transition, noise = np.empty((m, 2)), np.empty((m, 2))
+    total_top, total_sensor = np.empty((9, size)), np.empty((m, 2))
+    reset_transition(total_top, total_sensor)
+    residual, deviation = np.empty(3), np.empty(3)
+    design = np.empty((3, size))
+    error, gain = np.empty(size), np.empty(size)
+    noise_now = white.copy()
+    likelihood = 0.0
+    discretised = -1.0
+    refused = np.zeros(2, np.int64)
+    done = 0
+    nodes = -1
+
+    for k in range(n):
+        end = time[k]
+        if k == 0:
+            now = end
+            step = time[1] - time[0]
+        else:
+            now = time[k - 1]
+            step = end - now
+        correct_sample(
+            gyro[k], accel[k], step, sensor_state, channel, direction,
+            angle, velocity_increment,
+        )
+        if scaled:
+            for i in range(6):
+                noise_now[i] = white[i] * white_scale[k, i]
+        if k == 0:
+            previous_angle[:] = angle
+            previous_velocity[:] = velocity_increment
+
+        while True:
+            aiding = done < updates and aid_time[done] <= end
+            target = aid_time[done] if aiding else end
+            # advance to the target in steps no longer than allowed
+            span = target - now
+            if span > 1e-9 * step and k > 0:
+                pieces = int(math.ceil(span / longest_step - 1e-6))
+                pieces = max(pieces, 1)
+                dt = span / pieces
+                share = dt / step
+                for i in range(3):
+                    part_angle[i] = angle[i] * share
+                    part_velocity[i] = velocity_increment[i] * share
+                if abs(dt - discretised) > 1e-4 * dt:
+                    sensor_transition(dt, drift, diffusion, partner, transition, noise)
+                    discretised = dt
+                for _ in range(pieces):
+                    sine = math.sin(position[0])
+                    meridian, transverse = radii_of_curvature(sine)
+                    transport[0] = 1.0 / (transverse + position[2])
+                    transport[1] = -1.0 / (meridian + position[2])
+                    transport[2] = -sine / math.sqrt(1.0 - sine * sine) * transport[0]
+                    strapdown_step(
+                        dt, part_angle, part_velocity, previous_angle, previous_velocity,
+                        position, velocity, quaternion, rotation, earth,
+                    )
+                    propagate_covariance(
+                        covariance, dt, rotation, earth, transport, channel, direction, partner,
+                        transition, noise, noise_now, top, errors, block, block_errors, block_top,
+                    )
+                    if keep_nodes:
+                        accumulate_transition(
+                            total_top, total_sensor, dt, rotation, earth, transport, channel,
+                            direction, partner, transition, errors, top,
+                        )
+                    for j in range(m):
+                        other = partner[j]
+                        if other < 0:
+                            sensor_state[j] *= transition[j, 0]
+                        elif other > j:
+                            x, y = sensor_state[j], sensor_state[other]
+                            sensor_state[j] = transition[j, 0] * x + transition[j, 1] * y
+                            sensor_state[other] = (
+                                transition[other, 1] * x + transition[other, 0] * y
+                            )
+                now = target
+            if not aiding and not (
+                k == 0 or k == n - 1 or now - node_time[nodes] >= node_interval
+            ):
+                break
+
+            if nodes < 0 or now > node_time[nodes] + 1e-9:
+                nodes += 1
+                node_time[nodes] = now
+                if keep_nodes:
+                    node_top[nodes] = total_top
+                    node_transition[nodes] = total_sensor
+                    reset_transition(total_top, total_sensor)
+                    node_error[nodes] = 0.0
+                    node_aid[nodes, 0] = done
+                    node_aid[nodes, 1] = done
+            if aiding:
+                for i in range(3):
+                    rate = angle[i] / step
+                    for c in range(3):
+                        rate -= rotation[c, i] * earth[3 + c]
+                    body_rate[i] = rate
+                measurement_model(
+                    aid_kind[done], aid_value[done], aid_lever[done], position, velocity,
+                    rotation, body_rate, channel, direction, residual, design,
+                )
+                nis, log_determinant, degrees = innovation_statistics(
+                    residual, design, aid_variance[done], covariance, deviation
+                )
+                aid_nis[done] = nis
+                aid_degrees[done] = degrees
+                kind = aid_kind[done]
+                accepted = degrees > 0 and (nis <= gate[degrees] or refused[kind] >= patience)
+                refused[kind] = 0 if accepted else refused[kind] + 1
+                aid_accepted[done] = accepted
+                for i in range(3):
+                    used = math.isfinite(aid_variance[done, i])
+                    aid_residual[done, i] = residual[i] if used else math.nan
+                    aid_deviation[done, i] = deviation[i]
+                if accepted:
+                    likelihood -= 0.5 * (
+                        nis + log_determinant + degrees * math.log(2.0 * math.pi)
+                    )
+                    error[:] = 0.0
+                    for i in range(3):
+                        if not math.isfinite(aid_variance[done, i]):
+                            continue
+                        innovation = residual[i]
+                        for j in range(size):
+                            innovation -= design[i, j] * error[j]
+                        s = scalar_update(
+                            innovation, design[i], aid_variance[done, i], covariance, error, gain
+                        )
+                        if keep_nodes:
+                            aid_row[done, i] = design[i]
+                            aid_gain[done, i] = gain
+                            aid_scalar[done, i, 0] = innovation
+                            aid_scalar[done, i, 1] = s
+                    feed_back(error, position, velocity, quaternion, rotation, sensor_state)
+                    if keep_nodes:
+                        node_error[nodes] += error
+                    correct_sample(
+                        gyro[k], accel[k], step, sensor_state, channel, direction,
+                        angle, velocity_increment,
+                    )
+                done += 1
+                if keep_nodes:
+                    node_aid[nodes, 1] = done
+            node_sensor[nodes] = sensor_state
+            for j in range(m):
+                node_sensor_sd[nodes, j] = math.sqrt(max(covariance[9 + j, 9 + j], 0.0))
+            if keep_nodes:
+                node_covariance[nodes] = covariance
+            if not aiding:
+                break
+
+        previous_angle[:] = angle
+        previous_velocity[:] = velocity_increment
+        if not math.isfinite(position[0] + position[2] + velocity[2] + covariance[6, 6]):
+            return likelihood, nodes + 1, k
+        if keep_samples:
+            for i in range(3):
+                out_position[k, i] = position[i]
+                out_velocity[k, i] = velocity[i]
+                out_velocity_sd[k, i] = math.sqrt(max(covariance[3 + i, 3 + i], 0.0))
+                out_attitude_sd[k, i] = math.sqrt(max(covariance[6 + i, 6 + i], 0.0))
+                for j in range(3):
+                    out_rotation[k, i, j] = rotation[i, j]
+                    out_position_covariance[k, i, j] = covariance[i, j]
+    return likelihood, nodes + 1, -1

@@ -1,0 +1,164 @@
+"""One step of the strapdown navigation equations in north-east-down on the turning ellipsoid.
+
+Spec 7.1; Titterton and Weston, Strapdown Inertial Navigation Technology, 2nd ed., chapter 11;
+two-sample coning and sculling as Savage 1998. State arrays are changed in place:
+position (latitude rad, longitude rad, height m), velocity (north, east, down m/s), quaternion
+(scalar first, body to n), rotation (its matrix).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.kernels.compile import kernel
+from schuler.kernels.geodesy import gravity_down, radii_of_curvature
+
+Array = NDArray[np.float64]
+
+
+@kernel(inline=True)
+def half_angle_factors(squared: float) -> tuple[float, float]:
+    """cos(a/2) and sin(a/2)/a from a²; series below 0.1 rad, exact to the last bit."""
+    if squared < 1e-2:
+        cosine = 1.0 - squared * (1 / 8 - squared * (1 / 384 - squared / 46080))
+        factor = 0.5 - squared * (1 / 48 - squared * (1 / 3840 - squared / 645120))
+        return cosine, factor
+    angle = math.sqrt(squared)
+    return math.cos(0.5 * angle), math.sin(0.5 * angle) / angle
+
+
+@kernel(inline=True)
+def rotate_after(quaternion: Array, x: float, y: float, z: float) -> None:
+    """Replace q by q(x, y, z) q: a further rotation vector given in the outer (n) frame."""
+    c, s = half_angle_factors(x * x + y * y + z * z)
+    x, y, z = s * x, s * y, s * z
+    q0, q1, q2, q3 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    quaternion[0] = c * q0 - x * q1 - y * q2 - z * q3
+    quaternion[1] = c * q1 + x * q0 + y * q3 - z * q2
+    quaternion[2] = c * q2 + y * q0 + z * q1 - x * q3
+    quaternion[3] = c * q3 + z * q0 + x * q2 - y * q1
+
+
+@kernel(inline=True)
+def rotate_before(quaternion: Array, x: float, y: float, z: float) -> None:
+    """Replace q by q q(x, y, z): a further rotation vector given in the inner (body) frame."""
+    c, s = half_angle_factors(x * x + y * y + z * z)
+    x, y, z = s * x, s * y, s * z
+    q0, q1, q2, q3 = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    quaternion[0] = q0 * c - q1 * x - q2 * y - q3 * z
+    quaternion[1] = q0 * x + q1 * c + q2 * z - q3 * y
+    quaternion[2] = q0 * y - q1 * z + q2 * c + q3 * x
+    quaternion[3] = q0 * z + q1 * y - q2 * x + q3 * c
+
+
+@kernel(inline=True)
+def rotation_from_quaternion(quaternion: Array, rotation: Array) -> None:
+    """Normalise the quaternion and write its matrix C_nb. Groves (2.34)."""
+    a, b, c, d = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    scale = 1.0 / math.sqrt(a * a + b * b + c * c + d * d)
+    a, b, c, d = a * scale, b * scale, c * scale, d * scale
+    quaternion[0], quaternion[1], quaternion[2], quaternion[3] = a, b, c, d
+    rotation[0, 0] = 1.0 - 2.0 * (c * c + d * d)
+    rotation[0, 1] = 2.0 * (b * c - a * d)
+    rotation[0, 2] = 2.0 * (b * d + a * c)
+    rotation[1, 0] = 2.0 * (b * c + a * d)
+    rotation[1, 1] = 1.0 - 2.0 * (b * b + d * d)
+    rotation[1, 2] = 2.0 * (c * d - a * b)
+    rotation[2, 0] = 2.0 * (b * d - a * c)
+    rotation[2, 1] = 2.0 * (c * d + a * b)
+    rotation[2, 2] = 1.0 - 2.0 * (b * b + c * c)
+
+
+@kernel()
+def strapdown_step(
+    dt: float,
+    increment_angle: Array,
+    increment_velocity: Array,
+    previous_angle: Array,
+    previous_velocity: Array,
+    position: Array,
+    velocity: Array,
+    quaternion: Array,
+    rotation: Array,
+    earth: Array,
+) -> None:
+    """Advance the navigation state by one step.
+
+    Parameters are increments over this step (3,) in rad and m/s and those over the whole IMU
+    sample before it (for coning and sculling), then the state, changed in place. `earth` (10,)
+    receives what the error model needs: specific force in n (3), the n-frame's rate (3), the
+    Coriolis rate (3), the vertical gravity gradient.
+    """
+    # rotation vector of the step, coning: phi = a + (a_prev x a)/12
+    a0, a1, a2 = increment_angle[0], increment_angle[1], increment_angle[2]
+    u0, u1, u2 = increment_velocity[0], increment_velocity[1], increment_velocity[2]
+    b0, b1, b2 = previous_angle[0] / 12.0, previous_angle[1] / 12.0, previous_angle[2] / 12.0
+    w0 = previous_velocity[0] / 12.0
+    w1 = previous_velocity[1] / 12.0
+    w2 = previous_velocity[2] / 12.0
+    phi0 = a0 + (b1 * a2 - b2 * a1)
+    phi1 = a1 + (b2 * a0 - b0 * a2)
+    phi2 = a2 + (b0 * a1 - b1 * a0)
+    # velocity increment in the body frame at the start: rotation and sculling
+    h0, h1, h2 = 0.5 * a0 + b0, 0.5 * a1 + b1, 0.5 * a2 + b2
+    # the second-order term a x (a x u)/6 adds up in steady turns
+    along = (a0 * u0 + a1 * u1 + a2 * u2) / 6.0
+    square = (a0 * a0 + a1 * a1 + a2 * a2) / 6.0
+    s0 = u0 + (h1 * u2 - h2 * u1) + (w1 * a2 - w2 * a1) + a0 * along - u0 * square
+    s1 = u1 + (h2 * u0 - h0 * u2) + (w2 * a0 - w0 * a2) + a1 * along - u1 * square
+    s2 = u2 + (h0 * u1 - h1 * u0) + (w0 * a1 - w1 * a0) + a2 * along - u2 * square
+    f0 = rotation[0, 0] * s0 + rotation[0, 1] * s1 + rotation[0, 2] * s2
+    f1 = rotation[1, 0] * s0 + rotation[1, 1] * s1 + rotation[1, 2] * s2
+    f2 = rotation[2, 0] * s0 + rotation[2, 1] * s1 + rotation[2, 2] * s2
+
+    latitude, height = position[0], position[2]
+    north, east, down = velocity[0], velocity[1], velocity[2]
+    sine, cosine = math.sin(latitude), math.cos(latitude)
+    meridian, transverse = radii_of_curvature(sine)
+    meridian += height
+    transverse += height
+    gravity = gravity_down(sine, height)
+    # rates at the middle of the step
+    north_mid = north + 0.5 * f0
+    east_mid = east + 0.5 * f1
+    down_mid = down + 0.5 * (f2 + gravity * dt)
+    earth_north = 7.292115e-5 * cosine
+    earth_down = -7.292115e-5 * sine
+    transport_north = east_mid / transverse
+    transport_east = -north_mid / meridian
+    transport_down = -east_mid * sine / (cosine * transverse)
+    i0 = earth_north + transport_north
+    i1 = transport_east
+    i2 = earth_down + transport_down
+    k0 = i0 + earth_north
+    k1 = i1
+    k2 = i2 + earth_down
+    # the n frame turns by i dt during the step: half of it acts on the force
+    half = 0.5 * dt
+    g0 = f0 - half * (i1 * f2 - i2 * f1)
+    g1 = f1 - half * (i2 * f0 - i0 * f2)
+    g2 = f2 - half * (i0 * f1 - i1 * f0)
+    new_north = north + g0 - dt * (k1 * down_mid - k2 * east_mid)
+    new_east = east + g1 - dt * (k2 * north_mid - k0 * down_mid)
+    new_down = down + g2 - dt * (k0 * east_mid - k1 * north_mid) + gravity * dt
+
+    # trapezoid for position; radii at the start are good to 1e-12 of the step
+    new_latitude = latitude + half * (north + new_north) / meridian
+    position[2] = height - half * (down + new_down)
+    middle = cosine - 0.5 * sine * (new_latitude - latitude)
+    position[1] += half * (east + new_east) / (transverse * middle)
+    position[0] = new_latitude
+    velocity[0], velocity[1], velocity[2] = new_north, new_east, new_down
+
+    rotate_before(quaternion, phi0, phi1, phi2)
+    rotate_after(quaternion, -i0 * dt, -i1 * dt, -i2 * dt)
+    rotation_from_quaternion(quaternion, rotation)
+
+    inverse = 1.0 / dt
+    earth[0], earth[1], earth[2] = f0 * inverse, f1 * inverse, f2 * inverse
+    earth[3], earth[4], earth[5] = i0, i1, i2
+    earth[6], earth[7], earth[8] = k0, k1, k2
+    earth[9] = 2.0 * gravity / (6378137.0 + height)

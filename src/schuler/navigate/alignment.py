@@ -1,0 +1,437 @@
+"""Where a run starts: level from gravity at rest, heading from the first motion seen by GNSS.
+
+Spec 7.7 and Groves, 2nd ed., section 5.6. The heading needs no mounting angle: the accelerations
+that the levelled IMU felt are turned about the vertical until they match the velocity changes
+that GNSS saw. A course alone would need the mounting, and is wrong while the vehicle turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import NavigationError
+from schuler.navigate.aiding import AidingSchedule
+from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigate.error_model import SensorErrorModel
+from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector, wahba
+
+FloatArray = NDArray[np.float64]
+
+# a vehicle at rest shows less than this in one-second means, engine running or not
+REST_ACCEL = 0.15
+REST_GYRO = np.radians(0.7)
+REST_SPEED = 0.3
+SHORTEST_REST = 2.0
+# seconds of motion used for the heading, at most
+LONGEST_MATCH = 60.0
+# velocity changes are compared over this time (s)
+MATCH_SPAN = 2.0
+# standard deviation of heading (rad) that is good enough to stop looking further
+GOOD_HEADING = np.radians(1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """Attitude at the first IMU sample and how well it is known.
+
+    Parameters
+    ----------
+    rotation : (3, 3) ndarray
+        C_nb at the first sample.
+    tilt_sd, heading_sd : float
+        Standard deviations in rad.
+    gyro_bias : (3,) ndarray
+        Mean rate at rest less the earth's, rad/s; zero without rest.
+    gyro_bias_sd : float or None
+        Its standard deviation; None without rest.
+    rest : tuple of float or None
+        Start and end of the rest at the beginning, s.
+    method : str
+        How it was found, for people.
+    velocity : (3,) ndarray
+        North, east, down at the first sample, m/s.
+    """
+
+    rotation: FloatArray
+    tilt_sd: float
+    heading_sd: float
+    gyro_bias: FloatArray
+    gyro_bias_sd: float | None
+    rest: tuple[float, float] | None
+    method: str
+    velocity: FloatArray
+
+
+def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, float] | None:
+    """Find the time at rest at the beginning of a recording.
+
+    One-second means of rate and force must stay near those of the first seconds, and GNSS
+    velocity, where there is one, near zero. Means are used because an engine that runs shakes
+    single samples more than driving does.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    gnss : GnssRecording
+        On the same time axis within a second.
+
+    Returns
+    -------
+    tuple of float or None
+        Start and end in s; None if there are less than two seconds.
+    """
+    block = max(int(round(imu.rate)), 1)
+    count = imu.size // block
+    if count < 2:
+        return None
+    gyro = imu.gyro[: count * block].reshape(count, block, 3).mean(axis=1)
+    accel = imu.accel[: count * block].reshape(count, block, 3).mean(axis=1)
+    ends = imu.time[block - 1 : count * block : block]
+    quiet = np.ones(count, dtype=bool)
+    quiet &= np.abs(gyro - np.median(gyro[: min(count, 10)], axis=0)).max(axis=1) < REST_GYRO
+    quiet &= np.abs(accel - np.median(accel[: min(count, 10)], axis=0)).max(axis=1) < REST_ACCEL
+    if gnss.velocity is not None:
+        speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
+        moving = gnss.time[speed > REST_SPEED]
+        if moving.size:
+            # half a second for the filters and delays of receivers
+            quiet &= ends < moving[0] - 0.5
+    stop = count if quiet.all() else int(np.argmin(quiet))
+    if stop < SHORTEST_REST:
+        return None
+    return float(imu.time[0]), float(ends[stop - 1])
+
+
+def align(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    *,
+    velocity_offset: float = 0.0,
+    heading: float | None = None,
+    mounting: FloatArray | None = None,
+) -> Alignment:
+    """Find the attitude at the first sample.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    gnss : GnssRecording
+        Only epochs that may be looked at.
+    velocity_offset : float
+        Added to GNSS time to put its velocity on the IMU's axis, s.
+    heading : float or None
+        Heading of the IMU's x axis at the first sample, rad; None: from GNSS.
+    mounting : (3, 3) ndarray or None
+        Vehicle from IMU; when given, a course over ground can serve where the velocity changes
+        are too small.
+
+    Returns
+    -------
+    Alignment
+        Attitude at the first sample.
+
+    Raises
+    ------
+    NavigationError
+        Nothing tells the heading.
+    """
+    rest = find_initial_rest(imu, gnss)
+    if heading is not None:
+        if rest is None:
+            raise NavigationError(
+                "a heading was given, but the IMU is not at rest at the start",
+                expected="two seconds at rest for levelling",
+                cure="leave the heading out: it is then found in motion",
+                where=imu.name,
+            )
+        level, bias, bias_sd = _at_rest(imu, gnss, rest)
+        yaw = heading - np.arctan2(level[1, 0], level[0, 0])
+        return Alignment(
+            rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
+            tilt_sd=_tilt_sd(), heading_sd=np.radians(2.0), gyro_bias=bias, gyro_bias_sd=bias_sd,
+            rest=rest, method="levelled at rest, heading given", velocity=np.zeros(3),
+        )
+    if gnss.velocity is None:
+        gnss = _with_velocity_from_position(gnss)
+    if rest is None:
+        return _align_in_motion(imu, gnss, velocity_offset)
+    level, bias, bias_sd = _at_rest(imu, gnss, rest)
+    yaw, heading_sd, method = _heading_from_motion(
+        imu, gnss, rest, level, bias, velocity_offset, mounting
+    )
+    return Alignment(
+        rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
+        tilt_sd=_tilt_sd(),
+        heading_sd=heading_sd,
+        gyro_bias=bias,
+        gyro_bias_sd=bias_sd,
+        rest=rest,
+        method=f"levelled over {rest[1] - rest[0]:.0f} s at rest, {method}",
+        velocity=np.zeros(3),
+    )
+
+
+def _tilt_sd() -> float:
+    # accelerometer biases of 10 to 30 mg turn into this much tilt
+    return float(np.radians(1.0))
+
+
+def level_from_gravity(specific_force: FloatArray) -> FloatArray:
+    """Rotation into a level frame whose azimuth is arbitrary. Groves (5.101).
+
+    Parameters
+    ----------
+    specific_force : (3,) ndarray
+        Mean specific force at rest in the body frame, m/s².
+
+    Returns
+    -------
+    (3, 3) ndarray
+        Level (x, y, down) from body; its x axis is as near to the body's as can be.
+    """
+    down = -specific_force / np.linalg.norm(specific_force)
+    axis = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    first = axis - down * (axis @ down)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(down, first), down])
+
+
+def _at_rest(
+    imu: ImuRecording, gnss: GnssRecording, rest: tuple[float, float]
+) -> tuple[FloatArray, FloatArray, float]:
+    part = slice(*np.searchsorted(imu.time, [rest[0], rest[1]], side="left"))
+    level = level_from_gravity(imu.accel[part].mean(axis=0))
+    gyro = imu.gyro[part]
+    block = max(int(round(imu.rate)), 1)
+    count = gyro.shape[0] // block
+    means = gyro[: count * block].reshape(count, block, 3).mean(axis=1)
+    spread = float(means.std(axis=0, ddof=1).max()) if count > 1 else REST_GYRO
+    # the earth's rate about unknown north: 15 deg/h at most stays in the bias
+    return level, gyro.mean(axis=0), float(np.hypot(spread / np.sqrt(count), 7.3e-5))
+
+
+def _still_model() -> SensorErrorModel:
+    return SensorErrorModel(
+        channel=np.empty(0, dtype=np.int64), direction=np.empty((0, 3)),
+        drift=np.empty((0, 2)), diffusion=np.empty((0, 2)),
+        partner=np.empty(0, dtype=np.int64), initial_covariance=np.empty((0, 0)),
+        white_density=np.zeros(6), names=(),
+    )
+
+
+def dead_reckon(
+    imu: ImuRecording, position: FloatArray, velocity: FloatArray, rotation: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Integrate an IMU without any aiding.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    position, velocity : (3,) ndarray
+        At the first sample.
+    rotation : (3, 3) ndarray
+        C_nb at the first sample.
+
+    Returns
+    -------
+    tuple of ndarray
+        Position (n, 3), velocity (n, 3) and rotation (n, 3, 3) at every sample.
+    """
+    nothing = AidingSchedule(
+        np.empty(0), np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3)),
+        np.empty((0, 3)),
+    )
+    start = InitialState(position, velocity, rotation, np.empty(0), np.zeros((9, 9)))
+    run = run_engine(
+        imu, start, _still_model(), nothing, gate=gate_thresholds(0.0), keep_nodes=False
+    )
+    return run.samples.position, run.samples.velocity, run.samples.rotation
+
+
+def _heading_from_motion(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    rest: tuple[float, float],
+    level: FloatArray,
+    bias: FloatArray,
+    offset: float,
+    mounting: FloatArray | None,
+) -> tuple[float, float, str]:
+    """Angle about the vertical that takes the levelled frame to north."""
+    assert gnss.velocity is not None
+    speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
+    moving = np.flatnonzero((gnss.time + offset > rest[1]) & (speed > REST_SPEED))
+    if not moving.size:
+        raise NavigationError(
+            "GNSS shows no motion after the rest at the start, so nothing tells the heading",
+            expected="a run in which the vehicle moves",
+            cure="give the heading with --heading",
+            where=gnss.name,
+        )
+    begin = max(rest[0], float(gnss.time[moving[0]]) + offset - 3.0)
+    part = _without_bias(imu.between(begin, begin + LONGEST_MATCH + 5.0), bias)
+    near = int(np.argmin(np.abs(gnss.time + offset - begin)))
+    _, velocity, rotation = dead_reckon(part, gnss.position[near], np.zeros(3), level)
+    best: tuple[float, float] | None = None
+    for length in (15.0, 30.0, 45.0, LONGEST_MATCH):
+        found = _match_velocity_changes(part, velocity, gnss, offset, begin, begin + length)
+        if found is not None and (best is None or found[1] < best[1]):
+            best = found
+        if best is not None and best[1] < GOOD_HEADING:
+            break
+    if best is not None and best[1] < np.radians(10.0):
+        return best[0], max(best[1], np.radians(0.5)), "heading from the first velocity changes"
+    if mounting is not None:
+        yaw, sd = _heading_from_course(part, rotation, gnss, offset, mounting)
+        return yaw, sd, "heading from the first GNSS course"
+    raise NavigationError(
+        "the first minute of motion does not tell the heading to 10 deg",
+        expected="a start or a turn within the first minute of motion",
+        cure="give the heading with --heading, or the mounting of the IMU in the vehicle",
+        where=gnss.name,
+    )
+
+
+def _match_velocity_changes(
+    part: ImuRecording,
+    velocity: FloatArray,
+    gnss: GnssRecording,
+    offset: float,
+    start: float,
+    stop: float,
+) -> tuple[float, float] | None:
+    assert gnss.velocity is not None
+    time = gnss.time + offset
+    inside = (time > max(start, part.time[0])) & (time < min(stop, part.time[-1]))
+    epochs, seen = time[inside], gnss.velocity[inside]
+    later = np.searchsorted(epochs, epochs + MATCH_SPAN - 1e-3)
+    first = np.flatnonzero(later < epochs.size)
+    second = later[first]
+    close = epochs[second] - epochs[first] < 2.0 * MATCH_SPAN
+    first, second = first[close], second[close]
+    if first.size < 4:
+        return None
+    felt = np.column_stack([np.interp(epochs, part.time, velocity[:, i]) for i in (0, 1)])
+    a = (felt[second] - felt[first]) @ np.array([1.0, 1.0j])
+    b = (seen[second, :2] - seen[first, :2]) @ np.array([1.0, 1.0j])
+    product = np.sum(np.conj(a) * b)
+    power = np.sum(np.abs(a) ** 2)
+    if power <= 0.0:
+        return None
+    yaw = float(np.angle(product))
+    left = b - np.exp(1j * yaw) * a
+    # neighbouring differences overlap, so fewer of them are independent
+    overlap = max(1.0, first.size * MATCH_SPAN / max(epochs[-1] - epochs[0], MATCH_SPAN))
+    return yaw, float(np.sqrt(overlap * np.mean(np.abs(left) ** 2) / power))
+
+
+def _heading_from_course(
+    part: ImuRecording,
+    rotation: FloatArray,
+    gnss: GnssRecording,
+    offset: float,
+    mounting: FloatArray,
+) -> tuple[float, float]:
+    assert gnss.velocity is not None
+    time = gnss.time + offset
+    fast = np.linalg.norm(gnss.velocity[:, :2], axis=1) > 2.0
+    pick = np.flatnonzero(fast & (time > part.time[0]) & (time < part.time[-1]))
+    if not pick.size:
+        raise NavigationError(
+            "GNSS is never faster than 2 m/s in the first minute of motion",
+            expected="a course over ground",
+            cure="give the heading with --heading",
+            where=gnss.name,
+        )
+    nearest = np.clip(np.searchsorted(part.time, time[pick]), 0, part.size - 1)
+    forward = rotation[nearest] @ mounting[0]
+    course = gnss.velocity[pick, :2] @ np.array([1.0, 1.0j])
+    turn = course * np.conj(forward[:, 0] + 1j * forward[:, 1])
+    mean = np.sum(turn)
+    spread = np.angle(turn * np.conj(mean))
+    return float(np.angle(mean)), float(max(np.sqrt(np.mean(spread**2)), np.radians(3.0)))
+
+
+def _align_in_motion(imu: ImuRecording, gnss: GnssRecording, offset: float) -> Alignment:
+    """Attitude from velocity changes alone: a Wahba problem in the frame of the first sample."""
+    assert gnss.velocity is not None
+    from schuler.earth import gravity
+
+    window = imu.between(float(imu.time[0]), float(imu.time[0]) + 20.0)
+    time = gnss.time + offset
+    inside = (time > window.time[0]) & (time < window.time[-1])
+    if inside.sum() < 4:
+        raise NavigationError(
+            "less than four GNSS epochs in the first 20 s, and no rest at the start",
+            expected="GNSS velocities from the start, or two seconds at rest",
+            cure="cut the recording to where GNSS is there",
+            where=gnss.name,
+        )
+    epochs, seen = time[inside], gnss.velocity[inside]
+    step = np.diff(window.time, prepend=window.time[0])[:, None]
+    turned = _attitude_history(window.gyro * step)
+    force = np.cumsum(np.einsum("kij,kj->ki", turned, window.accel * step), axis=0)
+    felt = np.column_stack([np.interp(epochs, window.time, force[:, i]) for i in range(3)])
+    span = max(1, int(round(MATCH_SPAN / float(np.median(np.diff(epochs))))))
+    a = felt[span:] - felt[:-span]
+    near = gnss.position[int(np.argmax(inside))]
+    pull = np.array([0.0, 0.0, float(gravity(near[0], near[2]))])
+    b = seen[span:] - seen[:-span] - pull * (epochs[span:] - epochs[:-span])[:, None]
+    rotation = wahba(a, b)
+    left = b - a @ rotation.T
+    horizontal = a - np.outer(a @ rotation[2], rotation[2])
+    power = float(np.sum(horizontal**2))
+    heading_sd = float(np.sqrt(span * np.mean(left[:, :2] ** 2) / max(power, 1e-9)))
+    if heading_sd > np.radians(20.0):
+        raise NavigationError(
+            "no rest at the start, and too little acceleration to find the attitude in motion "
+            f"(heading known to {np.degrees(heading_sd):.0f} deg)",
+            expected="two seconds at rest, or a start, brake or turn in the first 20 s",
+            cure="cut the recording so that it starts at rest",
+            where=imu.name,
+        )
+    return Alignment(
+        rotation=rotation,
+        tilt_sd=float(np.radians(3.0)),
+        heading_sd=float(max(2.0 * heading_sd, np.radians(3.0))),
+        gyro_bias=np.zeros(3),
+        gyro_bias_sd=None,
+        rest=None,
+        method="in motion, from velocity changes over the first 20 s",
+        velocity=seen[0],
+    )
+
+
+def _attitude_history(increments: FloatArray) -> FloatArray:
+    """Rotations into the frame of the first sample."""
+    steps = dcm_from_rotation_vector(increments)
+    history = np.empty_like(steps)
+    now = np.eye(3)
+    for k in range(steps.shape[0]):
+        now = now @ steps[k]
+        history[k] = now
+    return history
+
+
+def _without_bias(imu: ImuRecording, bias: FloatArray) -> ImuRecording:
+    from dataclasses import replace
+
+    return replace(imu, gyro=imu.gyro - bias)
+
+
+def _with_velocity_from_position(gnss: GnssRecording) -> GnssRecording:
+    """Central differences of position; only for alignment."""
+    from dataclasses import replace
+
+    from schuler.earth import ned_from_geodetic
+
+    local = ned_from_geodetic(gnss.position, gnss.position[0])
+    velocity = np.gradient(local, gnss.time, axis=0) if gnss.size > 1 else np.zeros((1, 3))
+    return replace(gnss, velocity=velocity, velocity_sd=np.full((gnss.size, 3), 0.5))

@@ -1,0 +1,201 @@
+"""What has to be known before a filter can run: offsets of time, noise, the start.
+
+Gathered in one frozen record, so that a run can be repeated exactly and a report can show it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.navigate.aiding import AidingSchedule, GnssPosition, GnssVelocity, merge_schedules
+from schuler.navigate.alignment import Alignment
+from schuler.navigate.engine import InitialState
+from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOffsets:
+    """Seconds added to GNSS time to put position and velocity on the IMU's axis.
+
+    Receivers filter velocity more than position, so the two may differ; a positive value means
+    that the IMU's stamps are late.
+    """
+
+    position: float = 0.0
+    velocity: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseFactors:
+    """Multiples of a base model that a drive was found to need.
+
+    Parameters
+    ----------
+    white : (6,) ndarray
+        On the white-noise densities, accelerometer x, y, z, gyro x, y, z.
+    drive_accel, drive_gyro : float
+        On the standard deviation of the noise that drives the sensor error states.
+    position_sd, velocity_sd : float
+        On the receiver's standard deviations.
+    """
+
+    white: FloatArray
+    drive_accel: float = 1.0
+    drive_gyro: float = 1.0
+    position_sd: float = 1.0
+    velocity_sd: float = 1.0
+
+    @classmethod
+    def none(cls) -> NoiseFactors:
+        """Everything as the models say."""
+        return cls(white=np.ones(6))
+
+    def applied(self, model: SensorErrorModel) -> SensorErrorModel:
+        """Return a sensor error model multiplied by the factors.
+
+        Parameters
+        ----------
+        model : SensorErrorModel
+            The base.
+
+        Returns
+        -------
+        SensorErrorModel
+            Same states.
+        """
+        drive = np.where(model.channel < 3, self.drive_accel, self.drive_gyro)
+        return replace(
+            model,
+            white_density=model.white_density * self.white,
+            diffusion=model.diffusion * (drive**2)[:, None],
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunSetup:
+    """Everything a run needs besides the recordings.
+
+    Parameters
+    ----------
+    model : SensorErrorModel
+        With factors already applied.
+    factors : NoiseFactors
+        For the record, and for the receiver's standard deviations.
+    offsets : TimeOffsets
+        Of GNSS.
+    alignment : Alignment
+        Attitude at the first sample.
+    lever_arm : (3,) ndarray
+        Antenna from IMU in the body frame, m.
+    """
+
+    model: SensorErrorModel
+    factors: NoiseFactors
+    offsets: TimeOffsets
+    alignment: Alignment
+    lever_arm: FloatArray
+
+    def schedule(self, imu: ImuRecording, gnss: GnssRecording) -> AidingSchedule:
+        """Return the GNSS measurements that fall inside the IMU's time.
+
+        Parameters
+        ----------
+        imu : ImuRecording
+            For its time.
+        gnss : GnssRecording
+            Epochs that may be used.
+
+        Returns
+        -------
+        AidingSchedule
+            Positions and velocities.
+        """
+        sources = (
+            GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
+            GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
+        )
+        rows = [s.rows() for s in sources]
+        return merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
+
+    def initial_state(self, imu: ImuRecording, gnss: GnssRecording) -> InitialState:
+        """Return the state and covariance at the first sample.
+
+        Parameters
+        ----------
+        imu : ImuRecording
+            The run.
+        gnss : GnssRecording
+            Its first epoch near the start gives the position.
+
+        Returns
+        -------
+        InitialState
+            For `run_engine`.
+        """
+        start, model = self.alignment, self.model
+        near = int(np.argmin(np.abs(gnss.time + self.offsets.position - imu.time[0])))
+        away = abs(float(gnss.time[near] + self.offsets.position - imu.time[0]))
+        speed = float(np.linalg.norm(start.velocity))
+        assert gnss.position_sd is not None
+        sd = np.where(np.isfinite(gnss.position_sd[near]), gnss.position_sd[near], 10.0)
+        position_sd = 3.0 * sd + 0.1 + float(np.linalg.norm(self.lever_arm)) + speed * away
+        velocity_sd = 0.1 if start.rest is not None else 1.0
+        attitude_sd = [start.tilt_sd, start.tilt_sd, start.heading_sd]
+        covariance = np.zeros((9 + model.size, 9 + model.size))
+        np.fill_diagonal(
+            covariance[:9, :9],
+            np.concatenate([position_sd, np.full(3, velocity_sd), attitude_sd]) ** 2,
+        )
+        covariance[9:, 9:] = model.initial_covariance
+        state = np.zeros(model.size)
+        if start.gyro_bias_sd is not None:
+            for axis in range(3):
+                for j in model.constant_states(3 + axis)[:1]:
+                    state[j] = start.gyro_bias[axis]
+                    covariance[9 + j, 9 + j] = start.gyro_bias_sd**2
+        return InitialState(
+            position=gnss.position[near].copy(),
+            velocity=start.velocity.copy(),
+            rotation=start.rotation,
+            sensor_state=state,
+            covariance=covariance,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for reports and JSON.
+
+        Returns
+        -------
+        dict
+            SI units; angles in degrees where the key says so.
+        """
+        model, start = self.model, self.alignment
+        constant = np.array([model.constant_states(c)[0] for c in range(6)])
+        return {
+            "time_offset_position_s": self.offsets.position,
+            "time_offset_velocity_s": self.offsets.velocity,
+            "lever_arm_m": self.lever_arm.tolist(),
+            "alignment": start.method,
+            "initial_heading_sd_deg": float(np.degrees(start.heading_sd)),
+            "gnss_position_sd_factor": self.factors.position_sd,
+            "gnss_velocity_sd_factor": self.factors.velocity_sd,
+            "white_noise_density": dict(
+                zip(FILTER_CHANNELS, model.white_density.tolist(), strict=True)
+            ),
+            "bias_walk_density": dict(
+                zip(
+                    FILTER_CHANNELS,
+                    np.sqrt(model.diffusion[constant, 0]).tolist(),
+                    strict=True,
+                )
+            ),
+            "sensor_error_states": list(model.names),
+            "left_out": list(model.ignored),
+        }

@@ -1,0 +1,115 @@
+"""Fixed-interval smoothing of a filter run: every sample sees the whole recording. Spec 7.8.
+
+Algebraically the Rauch-Tung-Striebel smoother, computed in the modified Bryson-Frazier form (see
+kernels/smoother.py). Between nodes, a quarter of a second apart at most, the estimated error of
+the filter is interpolated linearly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.earth import metres_per_radian
+from schuler.errors import NavigationError
+from schuler.navigate.engine import FilterRun, SampleOutputs
+from schuler.navigate.error_model import SensorErrorModel
+from schuler.rotations import dcm_from_rotation_vector
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmoothedRun:
+    """A smoothed run.
+
+    Parameters
+    ----------
+    samples : SampleOutputs
+        State at every IMU sample.
+    sensor_state, sensor_sd : (k, m) ndarray
+        Sensor error states at the nodes and their standard deviations.
+    """
+
+    samples: SampleOutputs
+    sensor_state: FloatArray
+    sensor_sd: FloatArray
+
+
+def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> SmoothedRun:
+    """Smooth a run that kept its samples and nodes.
+
+    Parameters
+    ----------
+    run : FilterRun
+        From `run_engine` with keep_samples and keep_nodes.
+    model : SensorErrorModel
+        The one of the run.
+    time : (n,) ndarray
+        IMU time, s.
+
+    Returns
+    -------
+    SmoothedRun
+        Same times as the run.
+
+    Raises
+    ------
+    NavigationError
+        The run did not keep what is needed.
+    """
+    from schuler.kernels.smoother import smooth_nodes
+
+    nodes, aiding = run.nodes, run.aiding
+    if not nodes.covariance.size or not run.samples.position.size:
+        raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
+    count, s = nodes.size, 9 + model.size
+    error = np.empty((count, s))
+    position = np.empty((count, 3, 3))
+    variance = np.empty((count, s))
+    smooth_nodes(
+        count, nodes.covariance, nodes.top, nodes.transition, nodes.aid, model.partner,
+        aiding.accepted, aiding.row, aiding.gain, aiding.scalar, error, position, variance,
+    )
+    sd = np.sqrt(variance)
+    before = np.clip(np.searchsorted(nodes.time, time, side="right") - 1, 0, count - 2)
+    span = nodes.time[before + 1] - nodes.time[before]
+    share = np.clip((time - nodes.time[before]) / span, 0.0, 1.0)[:, None]
+    # the error of the state just before the next node's correction was fed back
+    ahead = error[1:] + nodes.error[1:]
+    at_end = (time >= nodes.time[-1])[:, None]
+    left = np.where(
+        at_end, error[-1, :9], error[before, :9] * (1.0 - share) + ahead[before, :9] * share
+    )
+
+    def between(values: FloatArray) -> FloatArray:
+        weight = share if values.ndim == 2 else share[:, :, None]
+        mixed: FloatArray = values[before] * (1.0 - weight) + values[before + 1] * weight
+        return mixed
+
+    return SmoothedRun(
+        samples=_corrected(run.samples, left, between(position), between(sd[:, :9])),
+        sensor_state=nodes.sensor_state + error[:, 9:],
+        sensor_sd=sd[:, 9:],
+    )
+
+
+def _corrected(
+    samples: SampleOutputs, error: FloatArray, position_covariance: FloatArray, sd: FloatArray
+) -> SampleOutputs:
+    """Take an error (n, 9) out of the filter's states."""
+    north, east = metres_per_radian(samples.position)
+    position = samples.position.copy()
+    position[:, 0] -= error[:, 0] / north
+    position[:, 1] -= error[:, 1] / east
+    position[:, 2] += error[:, 2]
+    return SampleOutputs(
+        position=position,
+        velocity=samples.velocity - error[:, 3:6],
+        rotation=dcm_from_rotation_vector(error[:, 6:9]) @ samples.rotation,
+        position_covariance=position_covariance,
+        velocity_sd=sd[:, 3:6],
+        attitude_sd=sd[:, 6:9],
+    )

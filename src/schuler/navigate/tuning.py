@@ -1,0 +1,348 @@
+"""Noise and time offsets from the drive itself, by the likelihood of the innovations.
+
+A static log says nothing of vibration, and a receiver's clock and filters have delays of their
+own. All of it shows in the innovations of a filter run: the best values are those under which
+they were most likely. At the full rate of GNSS the likelihood hardly feels what carries a filter
+through an outage, so the same drive is filtered again with GNSS thinned to one fix in 2, 5 and
+10 s, and the likelihoods are added.
+
+References: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation,
+section 5.4; spec 7.9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import EstimationError
+from schuler.navigate.alignment import Alignment
+from schuler.navigate.engine import gate_thresholds, run_engine
+from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
+
+FloatArray = NDArray[np.float64]
+
+# GNSS is thinned to one epoch in this many seconds; 0: every epoch
+THINNING = (0.0, 2.0, 5.0, 10.0)
+# prior: a factor of this many nepers is one standard deviation away from the base
+PRIOR_SD = 1.5
+# slowest IMU rate used while tuning (Hz)
+TUNING_RATE = 20.0
+# one unit of the optimiser in time offset (s)
+OFFSET_UNIT = 0.01
+# the optimiser ends when a step gains less than this many nepers of likelihood
+TOLERANCE = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tuning:
+    """Outcome of `tune`.
+
+    Parameters
+    ----------
+    setup : RunSetup
+        Ready to run.
+    log_likelihood : float
+        Sum over the thinned runs, prior included.
+    gain : float
+        By how much it rose above the start.
+    evaluations : int
+        Filter runs times thinnings.
+    converged : bool
+        Whether the optimiser ended by itself.
+    """
+
+    setup: RunSetup
+    log_likelihood: float
+    gain: float
+    evaluations: int
+    converged: bool
+
+
+def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
+    """Average neighbouring samples so that the rate is just above the given one.
+
+    Means of whole groups: the increments stay exact, only coning within a group is lost, which
+    is of no weight beside the noise that is being tuned.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    rate : float
+        Hz.
+
+    Returns
+    -------
+    ImuRecording
+        At `rate` or faster; the same recording if it is slow enough.
+    """
+    group = int(imu.rate / rate)
+    if group < 2:
+        return imu
+    count = (imu.size - 1) // group
+    stop = count * group + 1
+    step = np.diff(imu.time)[: stop - 1, None]
+    span = step.reshape(count, group, 1).sum(axis=1)
+
+    def mean(values: FloatArray) -> FloatArray:
+        sums = (values[1:stop] * step).reshape(count, group, 3).sum(axis=1)
+        return np.concatenate([values[:1], sums / span])
+
+    return replace(
+        imu, time=imu.time[:stop:group], gyro=mean(imu.gyro), accel=mean(imu.accel),
+        temperature=None, history=(*imu.history, f"means of {group} samples"),
+    )
+
+
+def thin(gnss: GnssRecording, interval: float) -> GnssRecording:
+    """Keep one epoch in every `interval` seconds.
+
+    Parameters
+    ----------
+    gnss : GnssRecording
+        Any rate.
+    interval : float
+        Seconds; 0 keeps all.
+
+    Returns
+    -------
+    GnssRecording
+        The first epoch of every interval.
+    """
+    if interval <= 0.0:
+        return gnss
+    cell = np.floor((gnss.time - gnss.time[0]) / interval + 1e-6)
+    return gnss.select(np.concatenate([[True], np.diff(cell) > 0.0]))
+
+
+def velocity_lag(gnss: GnssRecording) -> float:
+    """Delay of a receiver's velocity behind its position, from GNSS alone.
+
+    Regression of (rate of position - velocity) on acceleration, horizontal components.
+
+    Parameters
+    ----------
+    gnss : GnssRecording
+        With velocity.
+
+    Returns
+    -------
+    float
+        Seconds; positive if velocity is late; 0 where the data do not tell.
+    """
+    if gnss.velocity is None or gnss.size < 20:
+        return 0.0
+    from schuler.earth import ned_from_geodetic
+
+    step = np.diff(gnss.time)
+    local = ned_from_geodetic(gnss.position, gnss.position[0])[:, :2]
+    span = (gnss.time[2:] - gnss.time[:-2])[:, None]
+    regular = (span[:, 0] < 2.5 * np.median(step)) & (np.abs(np.diff(step)) < 0.1 * step[:-1])
+    if regular.sum() < 10:
+        return 0.0
+    rate = (local[2:] - local[:-2]) / span
+    velocity = gnss.velocity[:, :2]
+    acceleration = (velocity[2:] - velocity[:-2]) / span
+    left = (rate - velocity[1:-1])[regular].ravel()
+    a = acceleration[regular].ravel()
+    power = float(a @ a)
+    if power <= 0.0:
+        return 0.0
+    lag = float(left @ a) / power
+    sd = float(np.sqrt(np.mean((left - lag * a) ** 2) / power))
+    return lag if abs(lag) > 3.0 * sd and abs(lag) < 1.0 else 0.0
+
+
+def log_likelihood(
+    imu: ImuRecording, gnss: Sequence[GnssRecording], setup: RunSetup
+) -> float:
+    """Sum of the innovations' log-likelihoods over several thinnings of GNSS.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The run.
+    gnss : sequence of GnssRecording
+        The same drive, thinned.
+    setup : RunSetup
+        To be judged.
+
+    Returns
+    -------
+    float
+        Natural logarithm; minus infinity where the filter failed.
+    """
+    total = 0.0
+    for fixes in gnss:
+        run = run_engine(
+            imu, setup.initial_state(imu, gnss[0]), setup.model, setup.schedule(imu, fixes),
+            gate=gate_thresholds(0.0), keep_samples=False, keep_nodes=False, node_interval=1e9,
+        )
+        total += run.log_likelihood
+    return total
+
+
+def find_time_offset(
+    imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, reach: float = 1.0
+) -> float:
+    """Coarse search for the offset common to position and velocity, by likelihood.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The run, at a low rate.
+    gnss : GnssRecording
+        Epochs that may be looked at.
+    setup : RunSetup
+        Its offsets are the centre of the search.
+    reach : float
+        Largest offset looked for, s.
+
+    Returns
+    -------
+    float
+        Seconds to add to both offsets, to about 0.02 s.
+    """
+
+    def value(shift: float) -> float:
+        offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
+        return log_likelihood(imu, [gnss], replace(setup, offsets=offsets))
+
+    shifts = np.arange(-reach, reach + 0.05, 0.1)
+    values = np.array([value(s) for s in shifts])
+    best = int(np.argmax(values))
+    if 0 < best < shifts.size - 1:
+        left, top, right = values[best - 1 : best + 2]
+        bend = left - 2.0 * top + right
+        if bend < 0.0:
+            return float(shifts[best] + 0.05 * (left - right) / bend)
+    return float(shifts[best])
+
+
+def tune(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    base: SensorErrorModel,
+    *,
+    offsets: TimeOffsets,
+    alignment: Alignment,
+    lever_arm: FloatArray,
+    tune_noise: bool,
+    tune_offsets: bool,
+    progress: Callable[[str], None] | None = None,
+) -> Tuning:
+    """Find noise factors and time offsets under which the innovations were most likely.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The drive, all six channels.
+    gnss : GnssRecording
+        Only epochs that may be looked at: withheld windows must be gone already.
+    base : SensorErrorModel
+        Where the noise starts, and the centre of its prior.
+    offsets : TimeOffsets
+        Where the offsets start.
+    alignment : Alignment
+        Of the first sample.
+    lever_arm : (3,) ndarray
+        Antenna from IMU, body frame, m.
+    tune_noise, tune_offsets : bool
+        What to find.
+    progress : callable or None
+        Called with a line of text now and then.
+
+    Returns
+    -------
+    Tuning
+        The setup found.
+
+    Raises
+    ------
+    EstimationError
+        Too few epochs, or a likelihood that cannot be evaluated.
+    """
+    from scipy.optimize import minimize
+
+    if gnss.size < 20:
+        raise EstimationError(
+            f"only {gnss.size} GNSS epochs to tune with",
+            expected="at least 20",
+            cure="give a noise model and time offsets",
+        )
+    slow = slower_imu(imu)
+    thinned = [thin(gnss, interval) for interval in THINNING]
+    thinned = [g for g in thinned if g.size >= 10]
+    start = RunSetup(base, NoiseFactors.none(), offsets, alignment, lever_arm)
+    names = _free_parameters(gnss, tune_noise, tune_offsets)
+    calls = 0
+
+    def setup_of(x: FloatArray) -> RunSetup:
+        return _setup_at(dict(zip(names, x, strict=True)), start, base)
+
+    def cost(x: FloatArray) -> float:
+        nonlocal calls
+        calls += 1
+        if progress is not None and calls % 50 == 0:
+            progress(f"tuning: {calls} runs of the filter")
+        prior = sum(
+            (v / PRIOR_SD) ** 2 for n, v in zip(names, x, strict=True) if "offset" not in n
+        )
+        return 0.5 * prior - log_likelihood(slow, thinned, setup_of(x))
+
+    first = cost(np.zeros(len(names)))
+    if not np.isfinite(first):
+        raise EstimationError(
+            "the likelihood of the drive cannot be evaluated",
+            cure="check units, axes and time of IMU and GNSS",
+        )
+    found = minimize(
+        cost, np.zeros(len(names)), method="L-BFGS-B",
+        bounds=[(-30.0, 30.0) if "offset" in n else (-6.0, 6.0) for n in names],
+        options={"maxiter": 40, "eps": 1e-2, "ftol": TOLERANCE / max(abs(first), 1.0)},
+    )
+    return Tuning(
+        setup=setup_of(found.x),
+        log_likelihood=-float(found.fun),
+        gain=float(first - found.fun),
+        evaluations=calls * len(thinned),
+        converged=bool(found.success),
+    )
+
+
+def _free_parameters(
+    gnss: GnssRecording, tune_noise: bool, tune_offsets: bool
+) -> tuple[str, ...]:
+    names: list[str] = []
+    if tune_noise:
+        names += [f"white {c}" for c in range(6)]
+        names += ["drive accel", "drive gyro", "sd position"]
+        names += ["sd velocity"] if gnss.velocity is not None else []
+    if tune_offsets:
+        names += ["offset position"]
+        names += ["offset velocity"] if gnss.velocity is not None else []
+    return tuple(names)
+
+
+def _setup_at(x: dict[str, float], start: RunSetup, base: SensorErrorModel) -> RunSetup:
+    factors = NoiseFactors(
+        white=np.exp([x.get(f"white {c}", 0.0) for c in range(6)]),
+        drive_accel=float(np.exp(x.get("drive accel", 0.0))),
+        drive_gyro=float(np.exp(x.get("drive gyro", 0.0))),
+        position_sd=float(np.exp(x.get("sd position", 0.0))),
+        velocity_sd=float(np.exp(x.get("sd velocity", 0.0))),
+    )
+    position = start.offsets.position + OFFSET_UNIT * x.get("offset position", 0.0)
+    velocity = start.offsets.velocity + OFFSET_UNIT * x.get("offset velocity", 0.0)
+    return replace(
+        start,
+        model=factors.applied(base),
+        factors=factors,
+        offsets=TimeOffsets(float(position), float(velocity)),
+    )
