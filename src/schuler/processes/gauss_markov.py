@@ -16,21 +16,22 @@ from schuler.processes.base import Process, StateSpace
 
 FloatArray = NDArray[np.float64]
 
-ALLAN_PEAK_POSITION = 1.8926215
+ALLAN_PEAK_POSITION = 1.8926178
 """tau/Tc at which the Allan deviation of Gauss-Markov noise is highest (spec 2.3)."""
-ALLAN_PEAK_HEIGHT = 0.6173601
+ALLAN_PEAK_HEIGHT = 0.6173643
 """Height of that peak in units of sigma."""
 FLICKER_LEVEL = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker noise of level B, in units of B: 0.66428."""
 
-# (-1)^k (2^k - 4)/k! for k = 19 .. 3: the bracket 3 - 4 exp(-x) + exp(-2x) less its 2x
-_SERIES = [(-1.0) ** k * (2.0**k - 4.0) / math.factorial(k) for k in range(19, 2, -1)]
+# -(-1)^k (2^k - 4)/k! for k = 13 .. 3: minus the bracket 3 - 4 exp(-x) + exp(-2x) less its 2x
+_SERIES = [-((-1.0) ** k) * (2.0**k - 4.0) / math.factorial(k) for k in range(13, 2, -1)]
+_SMALL = 0.1
 
 
 def gauss_markov_allan_shape(x: ArrayLike) -> FloatArray:
     """Allan variance of unit Gauss-Markov noise at x = tau/Tc.
 
-    (2/x) [1 - (3 - 4 exp(-x) + exp(-2x))/(2x)], by its series below x = 0.5 where the bracket
+    (2/x) [1 - (3 - 4 exp(-x) + exp(-2x))/(2x)], by its series below x = 0.1 where the bracket
     cancels (spec 2.3).
 
     Parameters
@@ -44,12 +45,18 @@ def gauss_markov_allan_shape(x: ArrayLike) -> FloatArray:
         Variance in units of sigma².
     """
     ratio = np.asarray(x, dtype=np.float64)
-    small = np.minimum(ratio, 0.5)
-    series = -small * np.polyval(_SERIES, small)
-    large = np.maximum(ratio, 0.5)
-    bracket = 3.0 - 4.0 * np.exp(-large) + np.exp(-2.0 * large)
-    closed = (2.0 / large) * (1.0 - bracket / (2.0 * large))
-    return np.asarray(np.where(ratio < 0.5, series, closed))
+    rise = -np.expm1(-ratio)
+    shape = (2.0 / ratio) * (1.0 - (rise + 0.5 * rise * rise) / ratio)
+    small = ratio < _SMALL
+    if small.any():
+        few = ratio[small]
+        series = np.full(few.shape, _SERIES[0])
+        for coefficient in _SERIES[1:]:
+            series *= few
+            series += coefficient
+        shape = np.asarray(shape)
+        shape[small] = series * few
+    return np.asarray(shape)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,404 @@
+"""From a signal to its processes: the joint fit of the Allan curve (spec 2.4 b)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.characterize.allan import AllanCurve, allan_deviation, default_factors
+from schuler.errors import EstimationError, InputError, ModelError
+from schuler.identify.curve_fit import (
+    CurvePoints,
+    Scatter,
+    StructureFit,
+    fit_structure,
+    free_parameters,
+    scatter_of,
+    thin,
+)
+from schuler.identify.record import RecordVerdict, judge_record
+from schuler.identify.selection import rough_process, select_structure
+from schuler.identify.slopes import SlopeReadings, slope_method
+from schuler.processes import (
+    BiasInstability,
+    Process,
+    ProcessSum,
+    Quantization,
+    RandomWalk,
+    RateRamp,
+    WhiteNoise,
+)
+
+FloatArray = NDArray[np.float64]
+
+_POINTS_PER_DECADE = 5.0
+_LONGEST_FRACTION = 4
+_SHORTEST_RECORD = 100
+_LOOKED_FOR: tuple[Process, ...] = (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitDiagnostics:
+    """How well the model describes the curve.
+
+    Parameters
+    ----------
+    chi_square : float
+        Misfit, points being correlated as the model says.
+    degrees_of_freedom : int
+        Points less parameters.
+    discrepancy : float
+        Relative standard deviation (of the Allan deviation) that had to be granted to every
+        point because no sum of these processes fits better; 0 when the misfit is pure chance.
+    tau : (t,) ndarray
+        Cluster times of the fit in s.
+    residuals : (t,) ndarray
+        ln(measured/model) of the deviation.
+    candidates : mapping of str to float
+        Criterion (smaller is better) of the structures that were compared.
+    converged : bool
+        The fit ended by itself.
+    """
+
+    chi_square: float
+    degrees_of_freedom: int
+    discrepancy: float
+    tau: FloatArray
+    residuals: FloatArray
+    candidates: Mapping[str, float]
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """The processes a signal is made of.
+
+    Parameters
+    ----------
+    process : ProcessSum
+        In the unit of the signal.
+    standard_errors : dict of str to float
+        By parameter, e.g. "gauss_markov.sigma".
+    intervals : dict of str to (float, float)
+        95 % intervals, symmetric in the logarithm.
+    limits : dict of str to float
+        95 % upper limits of terms that were not found.
+    curve : AllanCurve
+        The curve that was fitted.
+    diagnostics : FitDiagnostics
+        Misfit.
+    slopes : SlopeReadings
+        What the slope method reads off the same curve, for comparison.
+    verdict : RecordVerdict
+        Record length against need.
+    """
+
+    process: ProcessSum
+    standard_errors: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    limits: dict[str, float]
+    curve: AllanCurve
+    diagnostics: FitDiagnostics
+    slopes: SlopeReadings
+    verdict: RecordVerdict
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Fitted values by parameter, SI."""
+        values = self.process.parameters
+        return {key: values[key] for key in self.standard_errors}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the curve as plain Python for JSON, in SI."""
+        return {
+            "processes": [
+                {"kind": part.kind, "name": name, **part.parameters}
+                for name, part in zip(self.process.names, self.process.parts, strict=True)
+            ],
+            "parameters": {
+                key: {
+                    "value": value,
+                    "standard_error": self.standard_errors[key],
+                    "interval_95": list(self.intervals[key]),
+                }
+                for key, value in self.parameters.items()
+            },
+            "upper_limits_95": dict(self.limits),
+            "misfit": {
+                "chi_square": self.diagnostics.chi_square,
+                "degrees_of_freedom": self.diagnostics.degrees_of_freedom,
+                "discrepancy": self.diagnostics.discrepancy,
+                "candidates": dict(self.diagnostics.candidates),
+            },
+            "slope_method": self.slopes.to_dict(),
+            "record": self.verdict.to_dict(),
+        }
+
+
+def fit_factors(samples: int) -> NDArray[np.int64]:
+    """Cluster lengths of the curve that is fitted: the default ones and a few up to a quarter.
+
+    Parameters
+    ----------
+    samples : int
+        Length of the signal.
+
+    Returns
+    -------
+    (t,) ndarray of int
+        The long ones tell a slow Gauss-Markov noise from a random walk.
+    """
+    usual = default_factors(samples)
+    longest = max(samples // _LONGEST_FRACTION, 1)
+    more = np.round(np.geomspace(usual[-1], longest, 8)).astype(np.int64)
+    return np.unique(np.concatenate([usual, more]))
+
+
+def identify(
+    signal: ArrayLike,
+    rate: float,
+    model: Literal["auto", "classical"] | Process = "auto",
+    method: Literal["allan"] = "allan",
+) -> Identification:
+    """Find the sum of processes that a signal is made of, with standard errors.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at rest, in rad/s or m/s² (or any unit; the result is in the same).
+    rate : float
+        Samples a second.
+    model : {"auto", "classical"} or Process
+        "auto" chooses among white noise, quantisation, up to three Gauss-Markov noises, random
+        walk and ramp; "classical" is white noise + bias instability + random walk, as datasheets
+        have it; a process (sum) fixes the structure and gives start values.
+    method : {"allan"}
+        Generalised least squares on the logarithm of the Allan variance.
+
+    Returns
+    -------
+    Identification
+        Process, errors, limits, misfit, the slope method beside it, verdict on the record.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional, not finite, an impossible rate.
+    EstimationError
+        Fewer than 100 samples, or a signal that does not vary.
+
+    Notes
+    -----
+    Spec 2.4 (b), with the covariance of neighbouring points from the fitted process itself.
+    """
+    if method != "allan":
+        raise InputError(f"method '{method}'", expected="'allan'")
+    values = np.asarray(signal)
+    if values.ndim != 1:
+        raise InputError(f"signal has shape {values.shape}", expected="(n,), one channel at a time")
+    _check_length(len(values))
+    return identify_curve(allan_deviation(values, rate, fit_factors(len(values)) / rate), model)
+
+
+def _check_length(samples: int) -> None:
+    if samples < _SHORTEST_RECORD:
+        raise EstimationError(
+            f"signal has {samples} samples",
+            expected=f"at least {_SHORTEST_RECORD}",
+            cure="record longer",
+        )
+
+
+def identify_curve(
+    curve: AllanCurve, model: Literal["auto", "classical"] | Process = "auto"
+) -> Identification:
+    """Find the processes behind an Allan curve.
+
+    Parameters
+    ----------
+    curve : AllanCurve
+        Of one signal, best at the cluster lengths of `fit_factors`.
+    model : {"auto", "classical"} or Process
+        As for `identify`.
+
+    Returns
+    -------
+    Identification
+        As from `identify`.
+
+    Raises
+    ------
+    EstimationError
+        The signal does not vary, or is too short.
+    """
+    _check_length(curve.samples)
+    points = thin(curve, _POINTS_PER_DECADE)
+    if points.tau.size < 4:
+        raise EstimationError(
+            "signal does not vary",
+            expected="noise",
+            cure="check that the channel was recorded and is not stuck",
+        )
+    fit, scatter, candidates = _fit(points, _start(model, points))
+    process, errors, intervals, vanished = _parameters(fit)
+    limits = {**_limits(fit, points, scatter), **vanished}
+    return Identification(
+        process=process,
+        standard_errors=errors,
+        intervals=intervals,
+        limits=limits,
+        curve=_usual_part(curve),
+        diagnostics=FitDiagnostics(
+            chi_square=fit.chi_square,
+            degrees_of_freedom=points.tau.size - len(fit.names),
+            discrepancy=0.5 * scatter.discrepancy,
+            tau=points.tau,
+            residuals=0.5 * fit.residuals,
+            candidates=candidates,
+            converged=fit.converged,
+        ),
+        slopes=slope_method(_usual_part(curve)),
+        verdict=judge_record(process, errors, curve.duration),
+    )
+
+
+def _start(model: str | Process, points: CurvePoints) -> tuple[Process, ...] | None:
+    """Return the parts of a fixed structure with sensible start values; None for a choice."""
+    if model == "auto":
+        return None
+    if model == "classical":
+        # the flicker sum must cover the record from its samples to its length
+        shortest, longest = 2.0 * points.dt, 10.0 * points.duration
+        classical = WhiteNoise(1.0) + BiasInstability(1.0, shortest, longest) + RandomWalk(1.0)
+        parts: tuple[Process, ...] = classical.components
+    elif isinstance(model, Process):
+        parts = model.components
+    else:
+        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
+    if not free_parameters(parts):
+        raise ModelError("the model has no parameter that an Allan curve shows")
+    return tuple(_scaled(part, points) for part in parts)
+
+
+def _scaled(part: Process, points: CurvePoints) -> Process:
+    """Give a part an amplitude below the curve, whatever its start value."""
+    from dataclasses import replace
+
+    from schuler.identify.curve_fit import FREE
+
+    if not FREE[part.kind]:
+        return part
+    name = FREE[part.kind][0]
+    unit = replace(part, **{name: 1.0})  # type: ignore[type-var]
+    shape = np.maximum(unit.allan_variance(points.tau), 1e-300)
+    amplitude = math.sqrt(0.5 * float(np.min(points.variance / shape)))
+    return replace(unit, **{name: amplitude})  # type: ignore[no-any-return, type-var]
+
+
+def _fit(
+    points: CurvePoints, parts: tuple[Process, ...] | None
+) -> tuple[StructureFit, Scatter, dict[str, float]]:
+    """Fit, grant a discrepancy if needed, and let the scatter follow the fitted process."""
+    scatter = scatter_of(rough_process(points), points)
+
+    def best(scatter: Scatter) -> tuple[StructureFit, dict[str, float]]:
+        if parts is None:
+            return select_structure(points, scatter)
+        return fit_structure(parts, points, scatter), {}
+
+    fit, candidates = best(scatter)
+    for _ in range(2):
+        granted = _discrepancy(fit, points, scatter)
+        if granted == scatter.discrepancy:
+            break
+        scatter = scatter.with_discrepancy(granted)
+        fit, candidates = best(scatter)
+    for _ in range(2):
+        scatter = scatter_of(_scattering(fit.process), points, scatter.discrepancy)
+        fit = fit_structure(fit.parts, points, scatter)
+    return fit, scatter, candidates
+
+
+def _scattering(process: ProcessSum) -> Process:
+    """What of a process scatters; white noise stands in where nothing does."""
+    quiet = ("rate_ramp", "turn_on_bias", "sinusoid")
+    parts = tuple(p for p in process.parts if p.kind not in quiet)
+    return ProcessSum(parts) if parts else WhiteNoise(1.0)
+
+
+def _discrepancy(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> float:
+    """Standard deviation to grant to every log variance so that chi-square is as expected."""
+    from scipy.special import chdtri
+
+    freedom = max(points.tau.size - len(fit.names), 1)
+    if fit.chi_square <= float(chdtri(freedom, 1e-3)):
+        return scatter.discrepancy
+    low, high = 1e-5, 3.0
+    for _ in range(12):
+        middle = math.sqrt(low * high)
+        again = fit_structure(fit.parts, points, scatter.with_discrepancy(middle), iterations=15)
+        low, high = (middle, high) if again.chi_square > freedom else (low, middle)
+    return math.sqrt(low * high)
+
+
+def _parameters(
+    fit: StructureFit,
+) -> tuple[ProcessSum, dict[str, float], dict[str, tuple[float, float]], dict[str, float]]:
+    process = fit.process
+    errors: dict[str, float] = {}
+    intervals: dict[str, tuple[float, float]] = {}
+    vanished: dict[str, float] = {}
+    for j, (k, name) in enumerate(fit.names):
+        key = f"{process.names[k]}.{name}"
+        value = float(getattr(fit.parts[k], name))
+        spread = min(math.sqrt(float(fit.log_covariance[j, j])), 50.0)
+        errors[key] = min(value * spread, 1e3 * value)
+        intervals[key] = (value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread))
+        if spread > 2.0:
+            vanished[key] = value * math.exp(min(1.645 * spread, 20.0))
+    return process, errors, intervals, vanished
+
+
+def _limits(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> dict[str, float]:
+    """95 % upper limits of the terms that are not in the model, all others being free."""
+    from schuler.identify.curve_fit import log_jacobian
+
+    model = fit.process.allan_variance(points.tau)
+    known = scatter.whitener @ log_jacobian(fit, points.tau)
+    residual = scatter.whitener @ fit.residuals
+    limits: dict[str, float] = {}
+    for term in _LOOKED_FOR:
+        if term.kind in fit.kinds:
+            continue
+        # linear in the square of the amplitude, which may come out on either side of zero
+        column = scatter.whitener @ (term.allan_variance(points.tau) / model)
+        free = column - known @ np.linalg.lstsq(known, column, rcond=1e-10)[0]
+        information = float(free @ free)
+        if information <= 0.0:
+            continue
+        square = max(float(free @ residual) / information, 0.0)
+        name = free_parameters([term])[0][1]
+        limits[f"{term.kind}.{name}"] = math.sqrt(square + 1.645 / math.sqrt(information))
+    return limits
+
+
+def _usual_part(curve: AllanCurve) -> AllanCurve:
+    """The curve up to a ninth of the record, beyond which it is too ragged to show."""
+    keep = curve.factors <= max(1, curve.samples // 9)
+    if keep.all():
+        return curve
+    return AllanCurve(
+        curve.tau[keep],
+        curve.deviation[keep],
+        curve.lower[keep],
+        curve.upper[keep],
+        curve.degrees_of_freedom[keep],
+        curve.rate,
+        curve.samples,
+        curve.kind,
+    )
