@@ -119,10 +119,10 @@ class MemorySource:
         return self.columns[name].dtype.kind in "US"
 
     def load(self, names: Sequence[str]) -> Columns:
-        """Return the columns as float64, or as text."""
+        """Return the columns as floats (32-bit ones stay so), or as text."""
         return {
-            n: self.columns[n] if self.is_text(n) else self.columns[n].astype("float64", copy=False)
-            for n in names
+            n: c if c.dtype.kind in "fUS" else c.astype("float64")
+            for n, c in ((n, self.columns[n]) for n in names)
         }
 
     def place(self, row: int, name: str = "") -> str:
