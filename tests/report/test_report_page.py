@@ -22,7 +22,7 @@ from schuler.report import (
     Finding,
     Findings,
     LegendItem,
-    NavigationRun,
+    NavigationResults,
     Prose,
     Section,
     Table,
@@ -79,10 +79,10 @@ def numbers(encoded: dict[str, str]) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def run() -> NavigationRun:
+def run() -> NavigationResults:
     rng = np.random.default_rng(5)
     truth = circle(6000, 100.0)
-    return NavigationRun(
+    return NavigationResults(
         solution(truth, rng),
         solution(truth, rng, sd=0.2, smoothed=True, name=HOSTILE),
         gnss(truth, 100),
@@ -92,7 +92,7 @@ def run() -> NavigationRun:
 
 
 @pytest.fixture(scope="module")
-def page(run: NavigationRun) -> str:
+def page(run: NavigationResults) -> str:
     return render_report(
         run,
         title=HOSTILE,

@@ -230,8 +230,8 @@ def _drive_part(
     from schuler.cli.outputs import json_text
     from schuler.evaluate.outages import evaluate_outages
     from schuler.export.trajectory import write_trajectory
-    from schuler.navigate import navigate
-    from schuler.report import NavigationRun
+    from schuler.navigate import prepare, run
+    from schuler.report import NavigationResults
     from schuler.scale.progress import progress
 
     assert material.imu is not None
@@ -239,14 +239,18 @@ def _drive_part(
     noise = model if material.same_sensor else None
     if model is not None and noise is None:
         screen.line("The static log is of another sensor: the drive's noise comes from its data.")
-    with progress("Drive: filter and smoother"):
-        causal = navigate(material.imu, material.gnss, noise)
-        smoothed = navigate(material.imu, material.gnss, noise, smooth=True)
-    with progress("Drive: withholding GNSS"):
-        evaluation = evaluate_outages(material.imu, material.gnss, noise, sweep=OUTAGES)
+    with progress("Drive") as shown:
+        cut, setup = prepare(material.imu, material.gnss, noise, progress=shown.say)
+        done = run(cut, material.gnss, setup, smooth=True)
+    causal, smoothed = done.causal, done.smoothed
+    assert smoothed is not None
+    with progress("Drive without GNSS") as shown:
+        evaluation = evaluate_outages(
+            material.imu, material.gnss, noise, sweep=OUTAGES, progress=shown.say
+        )
     show_navigation(screen, causal, smoothed)
     show_outages(screen, evaluation)
-    sections += [NavigationRun(causal, smoothed, material.gnss, material.truth), evaluation]
+    sections += [NavigationResults(causal, smoothed, material.gnss, material.truth), evaluation]
     path = out / "trajectory.parquet"
     outputs.file(path, lambda temporary: write_trajectory(temporary, smoothed, ".parquet"))
     outputs.text(out / "outages.json", lambda: json_text(evaluation.to_dict()))

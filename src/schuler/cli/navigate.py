@@ -21,6 +21,9 @@ def navigate(
     noise: Path | None = None,
     smooth: bool = False,
     lever_arm: str = "0,0,0",
+    heading: float | None = None,
+    time_offset: float | None = None,
+    tune_noise: Annotated[bool | None, Parameter(negative="--no-tune-noise")] = None,
     out: Path | None = None,
     report: Path | None = None,
     json: Path | None = None,
@@ -43,6 +46,12 @@ def navigate(
         Use all data for every moment (fixed-interval smoother).
     lever_arm : str
         X,Y,Z from the IMU to the antenna in m, in the axes of the IMU.
+    heading : float, optional
+        Heading of the IMU's x axis at the start in deg; found from GNSS if not given.
+    time_offset : float, optional
+        Seconds to add to GNSS time to get IMU time; estimated if not given.
+    tune_noise : bool, optional
+        Scale the noise by the likelihood of the drive; done only when no noise model is given.
     out : Path, optional
         Write the trajectory here, .parquet or .csv.
     report : Path, optional
@@ -52,12 +61,14 @@ def navigate(
     reading : DriveReading, optional
         How to read the files.
     """
+    from math import radians
+
     from schuler.cli.console import Screen
     from schuler.cli.loading import load_noise, parse_numbers, say_if_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.export.trajectory import check_trajectory_name, write_trajectory
-    from schuler.navigate import navigate as solve
+    from schuler.navigate import prepare, run
     from schuler.scale.progress import progress
 
     inputs = (imu, gnss, *((noise,) if noise else ()))
@@ -68,18 +79,26 @@ def navigate(
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
     say_if_compiling()
-    with progress("Navigating"):
-        causal = solve(recording, fixes, model, lever_arm=arm)
-    smoothed = None
-    if smooth:
-        with progress("Smoothing"):
-            smoothed = solve(recording, fixes, model, lever_arm=arm, smooth=True)
+    with progress("Navigating") as shown:
+        cut, setup = prepare(
+            recording,
+            fixes,
+            model,
+            lever_arm=arm,
+            heading=None if heading is None else radians(heading),
+            time_offset="estimate" if time_offset is None else time_offset,
+            tune_noise=tune_noise,
+            progress=shown.say,
+        )
+        shown.say("smoothing" if smooth else "filtering")
+        done = run(cut, fixes, setup, smooth=smooth)
+    causal, smoothed = done.causal, done.smoothed
     best = smoothed or causal
     if report is not None:
-        from schuler.report import NavigationRun, render_report
+        from schuler.report import NavigationResults, render_report
 
         page = render_report(
-            NavigationRun(causal, smoothed, fixes),
+            NavigationResults(causal, smoothed, fixes),
             title=f"Navigation of {recording.name}",
             provenance=command_provenance(inputs=inputs, settings=best.settings),
         )

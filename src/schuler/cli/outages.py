@@ -12,6 +12,7 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
+    from schuler.data.gnss import GnssRecording
     from schuler.evaluate.outages import OutageEvaluation
 
 MOST_ROWS = 12
@@ -72,10 +73,12 @@ def outages(
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
     say_if_compiling()
-    with progress("Evaluating outages"):
-        evaluation = evaluate_outages(recording, fixes, model, lever_arm=arm, **which)
+    with progress("Evaluating outages") as shown:
+        evaluation = evaluate_outages(
+            recording, fixes, model, lever_arm=arm, progress=shown.say, **which
+        )
     if report is not None:
-        page = _page(evaluation, recording.name, inputs, which)
+        page = _page(evaluation, fixes, recording.name, inputs, which)
         outputs.text(report, lambda: page)
     outputs.text(json, lambda: json_text(evaluation.to_dict()))
     written = outputs.commit()
@@ -131,15 +134,24 @@ def parse_windows(window: tuple[str, ...], sweep: str | None) -> dict[str, Any]:
 
 
 def _page(
-    evaluation: OutageEvaluation, name: str, inputs: tuple[Path, ...], which: dict[str, Any]
+    evaluation: OutageEvaluation,
+    gnss: GnssRecording,
+    name: str,
+    inputs: tuple[Path, ...],
+    which: dict[str, Any],
 ) -> str:
     from schuler.cli.provenance import command_provenance
-    from schuler.report import render_report
+    from schuler.report import NavigationResults, render_report
 
+    # The track of the first run; in a dense sweep there are several, all alike.
+    causal, smoothed = evaluation.solutions[0]
+    start = float(gnss.time[0])
+    lost = tuple((start + a, start + a + b) for a, b in evaluation.runs[0]["outages"])
     return render_report(
         evaluation,
+        NavigationResults(causal, smoothed, gnss, outages=lost),
         title=f"GNSS outages on {name}",
-        provenance=command_provenance(inputs=inputs, settings=which),
+        provenance=command_provenance(inputs=inputs, settings=which | {"runs": evaluation.runs}),
     )
 
 

@@ -16,10 +16,10 @@ def warm() -> None:
     from schuler.scale.progress import progress
 
     began = time.monotonic()
-    with progress("Compiling kernels", known=True) as advance:
+    with progress("Compiling kernels") as shown:
         for k, rehearse in enumerate(REHEARSALS):
             rehearse()
-            advance((k + 1) / len(REHEARSALS))
+            shown.share((k + 1) / len(REHEARSALS))
     screen = Screen()
     screen.line(f"All kernels are compiled ({time.monotonic() - began:.1f} s).")
     screen.line(f"Kept in {cache_directory()}", "dim")

@@ -1,5 +1,5 @@
 """Work that takes long: what to show while it runs."""
 
-from schuler.scale.progress import Advance, progress
+from schuler.scale.progress import Progress, progress
 
-__all__ = ["Advance", "progress"]
+__all__ = ["Progress", "progress"]

@@ -3,22 +3,62 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-Advance = Callable[[float], None]
-"""Takes the share of the work that is done, 0 to 1."""
+if TYPE_CHECKING:
+    from rich.progress import Progress as Display
+    from rich.progress import TaskID
 
-REFRESH_SECONDS = 0.1
 
+class Progress:
+    """What the work tells while it runs; where nobody watches, nothing happens.
 
-def _say_nothing(share: float) -> None:
-    """Take the share of the work and show nothing."""
+    Parameters
+    ----------
+    title : str
+        What is being done.
+    display : rich.progress.Progress, optional
+        Where it is shown.
+    task : TaskID, optional
+        Its line there.
+    """
+
+    def __init__(
+        self, title: str, display: Display | None = None, task: TaskID | None = None
+    ) -> None:
+        self._title = title
+        self._display = display
+        self._task = task
+
+    def share(self, done: float) -> None:
+        """Tell how much is done.
+
+        Parameters
+        ----------
+        done : float
+            0 to 1.
+        """
+        if self._display is not None and self._task is not None:
+            self._display.update(self._task, completed=min(max(done, 0.0), 1.0), total=1.0)
+
+    def say(self, text: str) -> None:
+        """Tell what is being done right now.
+
+        Parameters
+        ----------
+        text : str
+            A few words, shown behind the title.
+        """
+        if self._display is not None and self._task is not None:
+            from rich.markup import escape
+
+            self._display.update(self._task, description=escape(f"{self._title}: {text}"))
 
 
 @contextmanager
-def progress(title: str, *, known: bool = False) -> Iterator[Advance]:
+def progress(title: str) -> Iterator[Progress]:
     """Show that work is going on, on standard error, and only when that is a terminal.
 
     What appeared is wiped when the work ends.
@@ -27,31 +67,20 @@ def progress(title: str, *, known: bool = False) -> Iterator[Advance]:
     ----------
     title : str
         What is being done, in the user's words.
-    known : bool
-        The work will tell how far it is; otherwise a clock and a pulse are shown.
 
     Yields
     ------
-    callable
-        Takes the share of the work that is done, 0 to 1.
+    Progress
+        Takes the share of the work that is done and what is being done.
     """
     if not sys.stderr.isatty():
-        yield _say_nothing
+        yield Progress(title)
         return
     from rich.console import Console
     from rich.markup import escape
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Display
 
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=24), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as display:
-        task = display.add_task(escape(title), total=1.0 if known else None)
-        shown = time.monotonic()
-
-        def advance(share: float) -> None:
-            nonlocal shown
-            now = time.monotonic()
-            if now - shown > REFRESH_SECONDS or share >= 1.0:
-                shown = now
-                display.update(task, completed=min(max(share, 0.0), 1.0))
-
-        yield advance
+    with Display(*columns, console=Console(stderr=True), transient=True) as display:
+        yield Progress(title, display, display.add_task(escape(title), total=None))

@@ -24,7 +24,7 @@ TRACK_POINTS = 4000
 
 
 @dataclass(frozen=True, slots=True)
-class NavigationRun:
+class NavigationResults:
     """A run with all that belongs beside it on the page.
 
     Parameters
@@ -85,17 +85,17 @@ def solution_sections(solution: NavigationSolution) -> tuple[Section, ...]:
         Track, uncertainty, innovations, sensor errors.
     """
     if solution.smoothed:
-        return run_sections(NavigationRun(smoothed=solution))
-    return run_sections(NavigationRun(causal=solution))
+        return run_sections(NavigationResults(smoothed=solution))
+    return run_sections(NavigationResults(causal=solution))
 
 
 @register
-def run_sections(run: NavigationRun) -> tuple[Section, ...]:
+def run_sections(run: NavigationResults) -> tuple[Section, ...]:
     """Show a navigation run.
 
     Parameters
     ----------
-    run : NavigationRun
+    run : NavigationResults
         Solutions with GNSS, truth and outages.
 
     Returns
@@ -114,7 +114,7 @@ def run_sections(run: NavigationRun) -> tuple[Section, ...]:
     )
 
 
-def _track_section(run: NavigationRun, spans: tuple[tuple[float, float], ...]) -> Section:
+def _track_section(run: NavigationResults, spans: tuple[tuple[float, float], ...]) -> Section:
     trajectory = run.best.trajectory
     time = trajectory.time - trajectory.time[0]
     speed = np.hypot(trajectory.velocity[:, 0], trajectory.velocity[:, 1])
@@ -142,7 +142,7 @@ def _local(position: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatA
     return ned[:, 1], ned[:, 0]
 
 
-def _track(run: NavigationRun) -> FigureGrid:
+def _track(run: NavigationResults) -> FigureGrid:
     origin = run.best.trajectory.position[0]
     traces: list[dict[str, Any]] = []
     legend = []
@@ -175,7 +175,7 @@ def _path(east: FloatArray, north: FloatArray, colour: str, name: str, width: fl
     return line(east, north, colour, name, width=width, points=2 * TRACK_POINTS)
 
 
-def _outage_paths(run: NavigationRun, origin: FloatArray) -> list[dict[str, Any]]:
+def _outage_paths(run: NavigationResults, origin: FloatArray) -> list[dict[str, Any]]:
     """Return broad strokes under the stretches without GNSS."""
     trajectory = run.best.trajectory
     paths = []
