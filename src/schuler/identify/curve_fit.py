@@ -68,6 +68,18 @@ class CurvePoints:
         """Length of the record in s."""
         return self.samples * self.dt
 
+    def slower_than(self, factor: int) -> CurvePoints:
+        """Return the points with clusters of at least `factor` samples."""
+        keep = self.factors >= factor
+        return CurvePoints(
+            self.tau[keep],
+            self.variance[keep],
+            self.factors[keep],
+            self.samples,
+            self.dt,
+            self.degrees_of_freedom[keep],
+        )
+
 
 def thin(curve: AllanCurve, per_decade: float) -> CurvePoints:
     """Take about `per_decade` points a decade; more of them would say the same again.
@@ -279,12 +291,12 @@ def fit_structure(
     Returns
     -------
     StructureFit
-        Levenberg-Marquardt; correlation times stay between a sample and 20 records.
+        Levenberg-Marquardt; correlation times stay between the first point and 20 records.
     """
     names = free_parameters(parts)
     logs = np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
     times = np.array([n == "correlation_time" for _, n in names], dtype=bool)
-    low, high = math.log(points.dt), math.log(20.0 * points.duration)
+    low, high = math.log(points.tau[0]), math.log(20.0 * points.duration)
     target = np.log(points.variance) - scatter.bias
     model, jacobian = _evaluate(parts, names, logs, points.tau)
     residual = scatter.whitener @ (target - model)
@@ -319,7 +331,7 @@ def fit_structure(
     return StructureFit(
         parts=tuple(_with(parts, names, logs)),
         names=names,
-        log_covariance=np.linalg.inv(information),
+        log_covariance=np.asarray(np.linalg.inv(information), dtype=np.float64),
         chi_square=cost,
         residuals=target - model,
         converged=converged,

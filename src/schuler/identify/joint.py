@@ -39,6 +39,8 @@ FloatArray = NDArray[np.float64]
 _POINTS_PER_DECADE = 5.0
 _LONGEST_FRACTION = 4
 _SHORTEST_RECORD = 100
+_BAND_EDGE = 10
+_FEWEST_POINTS = 12
 _LOOKED_FOR: tuple[Process, ...] = (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0))
 
 
@@ -244,7 +246,7 @@ def identify_curve(
             expected="noise",
             cure="check that the channel was recorded and is not stuck",
         )
-    fit, scatter, candidates = _fit(points, _start(model, points))
+    points, fit, scatter, candidates = _fit(points, _start(model, points))
     process, errors, intervals, vanished = _parameters(fit)
     limits = {**_limits(fit, points, scatter), **vanished}
     return Identification(
@@ -297,31 +299,45 @@ def _scaled(part: Process, points: CurvePoints) -> Process:
     unit = replace(part, **{name: 1.0})  # type: ignore[type-var]
     shape = np.maximum(unit.allan_variance(points.tau), 1e-300)
     amplitude = math.sqrt(0.5 * float(np.min(points.variance / shape)))
-    return replace(unit, **{name: amplitude})  # type: ignore[no-any-return, type-var]
+    return replace(unit, **{name: amplitude})  # type: ignore[type-var]
 
 
 def _fit(
     points: CurvePoints, parts: tuple[Process, ...] | None
-) -> tuple[StructureFit, Scatter, dict[str, float]]:
-    """Fit, grant a discrepancy if needed, and let the scatter follow the fitted process."""
-    scatter = scatter_of(rough_process(points), points)
+) -> tuple[CurvePoints, StructureFit, Scatter, dict[str, float]]:
+    """Fit; where that fails, leave out the fastest points, then grant a discrepancy.
 
-    def best(scatter: Scatter) -> tuple[StructureFit, dict[str, float]]:
-        if parts is None:
-            return select_structure(points, scatter)
-        return fit_structure(parts, points, scatter), {}
+    A sensor's own low-pass filter correlates neighbouring samples, which none of the processes
+    describes and no navigation filter feels: the first ten samples may be left out. In the end
+    the scatter follows the fitted process.
+    """
 
-    fit, candidates = best(scatter)
-    for _ in range(2):
-        granted = _discrepancy(fit, points, scatter)
-        if granted == scatter.discrepancy:
-            break
+    def probe(points: CurvePoints) -> tuple[Scatter, float]:
+        """Whether anything fits: the given structure, or many terms at once."""
+        rough = rough_process(points)
+        scatter = scatter_of(rough, points)
+        rich = fit_structure(rough.parts if parts is None else parts, points, scatter, 25)
+        return scatter, _discrepancy(rich, points, scatter)
+
+    scatter, granted = probe(points)
+    slow = points.slower_than(_BAND_EDGE)
+    if granted > 0.0 and slow.tau.size >= _FEWEST_POINTS:
+        points = slow
+        scatter, granted = probe(points)
+    candidates: dict[str, float] = {}
+    if parts is None:
         scatter = scatter.with_discrepancy(granted)
-        fit, candidates = best(scatter)
+        fit, candidates = select_structure(points, scatter)
+    else:
+        fit = fit_structure(parts, points, scatter.with_discrepancy(granted))
     for _ in range(2):
-        scatter = scatter_of(_scattering(fit.process), points, scatter.discrepancy)
+        scatter = scatter_of(_scattering(fit.process), points, granted)
         fit = fit_structure(fit.parts, points, scatter)
-    return fit, scatter, candidates
+    more = _discrepancy(fit, points, scatter)
+    if more != granted:
+        scatter = scatter.with_discrepancy(more)
+        fit = fit_structure(fit.parts, points, scatter)
+    return points, fit, scatter, candidates
 
 
 def _scattering(process: ProcessSum) -> Process:
