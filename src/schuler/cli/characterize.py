@@ -133,6 +133,6 @@ def show_characterization(
     for finding in serious[:MOST_FINDINGS]:
         screen.finding(finding.severity, finding.message)
     if len(serious) > MOST_FINDINGS:
-        screen.line(f"   ... and {len(serious) - MOST_FINDINGS} more (see the report)", "dim")
+        screen.line(f"... and {len(serious) - MOST_FINDINGS} more (see the report)", "dim")
     for path in written:
-        screen.line(f"   wrote {path}", "dim")
+        screen.line(f"wrote {path}", "dim")

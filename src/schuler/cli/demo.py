@@ -95,7 +95,7 @@ def demo(*, data: Path | None = None, out: Path = Path("schuler-demo")) -> int:
         if not existed and not any(out.iterdir()):
             out.rmdir()
     for path in sorted(written):
-        screen.line(f"   wrote {path}", "dim")
+        screen.line(f"wrote {path}", "dim")
     screen.console.print()
     screen.line(f"Open {out / 'report.html'} in a browser: it needs no network.", "bold")
     return 0

@@ -239,4 +239,4 @@ def show_navigation(
     ]
     screen.table(("measurement", "updates", "kept out", "mean NIS a degree (1 is honest)"), counts)
     for path in written:
-        screen.line(f"   wrote {path}", "dim")
+        screen.line(f"wrote {path}", "dim")

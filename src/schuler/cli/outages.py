@@ -199,6 +199,6 @@ def show_outages(
     columns = ("start s", "length s", "causal max", "claimed sd", "smoothed max", "claimed sd")
     screen.table(columns, each[:MOST_ROWS], words=0)
     if len(each) > MOST_ROWS:
-        screen.line(f"   ... and {len(each) - MOST_ROWS} more (--json or --report has all)", "dim")
+        screen.line(f"... and {len(each) - MOST_ROWS} more (--json or --report has all)", "dim")
     for path in written:
-        screen.line(f"   wrote {path}", "dim")
+        screen.line(f"wrote {path}", "dim")

@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 Dash = Literal["solid", "dot", "dash", "dashdot"]
 
 AXIS_COLOURS = {"x": "@x", "y": "@y", "z": "@z", "north": "@x", "east": "@y", "down": "@z"}
-MAX_POINTS = 2400
+MAX_POINTS = 1400
 """Points of a line; more cannot be told apart on a screen."""
 
 
@@ -232,6 +232,11 @@ def axis(
     result: dict[str, Any] = {"title": {"text": plain(title)}}
     if log:
         result |= {"type": "log", "dtick": 1, "exponentformat": "power", "showexponent": "all"}
+        low, high = limits or (1e-9, 1.0)
+        if low > 1e-4 and high < 1e5:
+            result["tickformat"] = "~g"
+        if high / low < 100.0:
+            result["dtick"] = "D2"  # labels at 1, 2 and 5
     if limits is not None:
         ends = np.log10(limits) if log else np.asarray(limits)
         result["range"] = [float(ends[0]), float(ends[1])]
@@ -305,6 +310,32 @@ def limits(*arrays: ArrayLike, log: bool = False, margin: float = 0.06) -> tuple
     span = float(ends[1] - ends[0])
     low, high = ends[0] - margin * span, ends[1] + margin * span
     return (float(10**low), float(10**high)) if log else (float(low), float(high))
+
+
+def broken_at_gaps(time: FloatArray, *columns: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the series with a gap wherever it pauses, so that no line bridges the pause.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        Increasing.
+    *columns : (n,) ndarray
+        Series over it.
+
+    Returns
+    -------
+    tuple of ndarray
+        Time and columns, longer by one NaN for each pause of more than five usual steps.
+    """
+    step = np.diff(time)
+    if step.size == 0:
+        return (time, *columns)
+    pauses = np.flatnonzero(step > 5.0 * np.median(step)) + 1
+    middle = 0.5 * (time[pauses] + time[pauses - 1])
+    return (
+        np.insert(time, pauses, middle),
+        *(np.insert(column, pauses, np.nan) for column in columns),
+    )
 
 
 def plain(text: str) -> str:

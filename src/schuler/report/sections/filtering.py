@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from schuler.data.trajectory import Innovations, NavigationSolution
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
-from schuler.report.figures import axis, band, limits, line, marks, shaded
+from schuler.report.figures import axis, band, broken_at_gaps, limits, line, marks, shaded
 from schuler.report.numbers import number, percent
 
 FloatArray = NDArray[np.float64]
@@ -103,9 +103,10 @@ def _innovations(kind: str, part: Innovations, start: float, spans: Spans) -> Fi
         out = ~part.accepted[seen]
         # One prior of hundreds of metres must not flatten all the rest.
         reach = float(np.quantile(np.abs(value), 0.995) + np.quantile(bound, 0.98))
+        shown, value_b, bound_b = broken_at_gaps(time_k, value, bound)
         traces = [
-            *band(time_k, -bound, bound, "@band/0.18", "2 sigma"),
-            line(time_k, value, "@data", "innovation", width=0.8),
+            *band(shown, -bound_b, bound_b, "@band/0.18", "2 sigma"),
+            line(shown, value_b, "@data", "innovation", width=0.8),
         ]
         if out.any():
             traces.append(marks(time_k[out], value[out], "@error", "kept out", size=6, symbol="x"))
@@ -214,7 +215,7 @@ def sensor_error_section(
 
 def _reach(value: FloatArray, bound: FloatArray) -> tuple[float, float]:
     """Return limits that show the settled part; the first moments may leave the plot."""
-    settled = slice(value.size // 20, None)
+    settled = slice(value.size // 7, None)
     return limits((value - bound)[settled], (value + bound)[settled])
 
 

@@ -12,7 +12,7 @@ from schuler.data.gnss import GnssRecording
 from schuler.data.trajectory import NavigationSolution, Trajectory
 from schuler.earth import ned_from_geodetic
 from schuler.errors import InputError
-from schuler.report.blocks import Facts, Figure, FigureGrid, LegendItem, Section
+from schuler.report.blocks import Facts, Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, limits, line, marks, shaded
 from schuler.report.numbers import duration, number
 from schuler.report.sections.filtering import innovation_section, sensor_error_section
@@ -131,8 +131,36 @@ def _track_section(run: NavigationResults, spans: tuple[tuple[float, float], ...
         f"The run lasts {duration(float(time[-1]))} and covers {number(distance / 1000.0)} km at "
         f"up to {number(float(speed.max()))} m/s."
     )
-    blocks = (facts, _track(run), _motion(trajectory, spans))
+    found = _found(run.best.settings)
+    blocks = (facts, _track(run), _motion(trajectory, spans), *((found,) if found.rows else ()))
     return Section("Track", blocks, (sentence,))
+
+
+FOUND = (
+    ("alignment", "alignment", ""),
+    ("initial_heading_sd_deg", "standard deviation of the first heading", "deg"),
+    ("time_offset_position_s", "time offset of GNSS position", "s"),
+    ("time_offset_velocity_s", "time offset of GNSS velocity", "s"),
+    ("lever_arm_m", "lever arm, IMU to antenna", "m"),
+    ("mounting_deg", "mounting (roll, pitch, yaw of the IMU in the vehicle)", "deg"),
+    ("gnss_position_sd_factor", "real over claimed sd, GNSS position", ""),
+    ("gnss_velocity_sd_factor", "real over claimed sd, GNSS velocity", ""),
+)
+
+
+def _found(settings: dict[str, Any]) -> Table:
+    """Return what was given or found from the data before the filter ran."""
+    rows = []
+    for key, words, unit in FOUND:
+        if key not in settings:
+            continue
+        value = settings[key]
+        parts = value if isinstance(value, (list, tuple)) else [value]
+        text = ", ".join(
+            number(float(v), 4) if isinstance(v, (int, float)) else str(v) for v in parts
+        )
+        rows.append((words, text, unit))
+    return Table("What the run rests on", ("quantity", "value", "unit"), tuple(rows), words=(0, 2))
 
 
 def _local(position: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -189,12 +217,20 @@ def _outage_paths(run: NavigationResults, origin: FloatArray) -> list[dict[str, 
     return paths
 
 
+def _smooth_angle(degrees: FloatArray) -> FloatArray:
+    whole = np.unwrap(degrees, period=360.0)
+    return np.asarray(whole - 360.0 * np.round(np.median(whole) / 360.0))
+
+
 def _motion(trajectory: Trajectory, spans: tuple[tuple[float, float], ...]) -> FigureGrid:
     from schuler.rotations import euler_from_dcm
 
     time = trajectory.time - trajectory.time[0]
     speed = np.hypot(trajectory.velocity[:, 0], trajectory.velocity[:, 1])
     roll, pitch, yaw = (np.degrees(a) for a in euler_from_dcm(trajectory.rotation))
+    # A sensor mounted upside down rolls around 180 deg: no jumps there. A heading may go round
+    # and round, and stays on its dial.
+    roll, pitch = (_smooth_angle(a) for a in (roll, pitch))
     jumps = np.abs(np.diff(yaw, prepend=yaw[0])) > 180.0
     curves = (
         ("Height", trajectory.position[:, 2], "height in m", "@x"),

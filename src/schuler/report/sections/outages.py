@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from schuler.evaluate.outages import OutageEvaluation, OutageStatistics, OutageWindow
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
-from schuler.report.figures import axis, limits, line, marks
+from schuler.report.figures import axis, band, limits, line, marks
 from schuler.report.numbers import number, percent
 from schuler.report.sections.registry import register
 
+FloatArray = NDArray[np.float64]
 FOLD_ABOVE = 12
 """Tables with more windows than this are shown on demand."""
 
@@ -45,6 +45,7 @@ def outage_sections(evaluation: OutageEvaluation) -> tuple[Section, ...]:
         _growth(answers),
         _claims(answers),
         _windows(answers),
+        *((_bands(evaluation.causal),) if len(evaluation.causal.windows) <= FOLD_ABOVE else ()),
     )
     return (Section("Outages", blocks, tuple(_sentence(n, s) for n, _, s in answers)),)
 
@@ -97,7 +98,7 @@ def _overall(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
     )
 
 
-def _errors(window: OutageWindow) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+def _errors(window: OutageWindow) -> tuple[FloatArray, FloatArray]:
     """Return seconds since the start of the window and horizontal error."""
     return window.time - window.start_s, np.hypot(window.error_ned[:, 0], window.error_ned[:, 1])
 
@@ -113,6 +114,9 @@ def _growth(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
                 line(since, error, f"{colour}/0.55", f"from {number(window.start_s, 4)} s", width=1)
             )
             heights.append(float(error.max(initial=0.0)))
+        since, claimed = _typical_claim(s)
+        heights.append(float(claimed.max(initial=0.0)))
+        traces.append(line(since, claimed, "@model", "claimed 2 sigma", width=1.6, dash="dash"))
         figures.append(
             Figure(
                 f"Error while GNSS is gone, {name}",
@@ -125,7 +129,58 @@ def _growth(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
                 },
             )
         )
-    return FigureGrid(tuple(figures), columns=2)
+    legend = (
+        LegendItem("one window, causal", "@causal"),
+        LegendItem("one window, smoothed", "@smoothed"),
+        LegendItem("claimed 2 sigma, median of the windows", "@model", "dash"),
+    )
+    return FigureGrid(tuple(figures), legend, columns=2)
+
+
+def _typical_claim(s: OutageStatistics) -> tuple[FloatArray, FloatArray]:
+    """Return the median over the windows of twice the claimed horizontal deviation."""
+    longest = max(s.windows, key=lambda w: w.time.size)
+    since = longest.time - longest.start_s
+    claims = [
+        np.interp(
+            since,
+            w.time - w.start_s,
+            2.0 * np.sqrt(np.trace(w.covariance, axis1=1, axis2=2)),
+            right=np.nan,
+        )
+        for w in s.windows
+    ]
+    return since, np.nanmedian(claims, axis=0)
+
+
+def _bands(s: OutageStatistics) -> FigureGrid:
+    """Return north and east errors of each window inside their claimed bands."""
+    figures = []
+    for w in s.windows:
+        since = w.time - w.start_s
+        sd = np.sqrt(np.diagonal(w.covariance, axis1=1, axis2=2))
+        traces = []
+        for k, (direction, colour) in enumerate((("north", "@x"), ("east", "@y"))):
+            bound = 2.0 * sd[:, k]
+            traces += band(since, -bound, bound, f"{colour}/0.13", f"2 sigma {direction}")
+            traces.append(line(since, w.error_ned[:, k], colour, direction))
+        figures.append(
+            Figure(
+                f"From {number(w.start_s, 4)} s",
+                f"Largest horizontal error {number(w.max_m)} m.",
+                tuple(traces),
+                {"xaxis": axis("time since GNSS was lost in s"), "yaxis": axis("error in m")},
+                height=230,
+            )
+        )
+    legend = (
+        LegendItem("north", "@x"),
+        LegendItem("east", "@y"),
+        LegendItem("their claimed 2 sigma", "@x/0.2", "band"),
+    )
+    return FigureGrid(
+        tuple(figures), legend, caption="Causal errors of each window with twice the claimed sd."
+    )
 
 
 def _claims(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
