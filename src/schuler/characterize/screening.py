@@ -190,7 +190,7 @@ def screen(imu: ImuRecording) -> Screening:
         *values.stuck_axes(imu),
         *values.saturation(imu),
         *disturbances,
-        *values.suspected_units(imu, still.static),
+        *values.suspected_units(imu, still),
         *values.gravity(imu, still),
         *values.grids(imu),
         *still.findings,

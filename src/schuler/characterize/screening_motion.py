@@ -33,11 +33,14 @@ class Rest:
         Intervals of at least two seconds, s.
     findings : tuple of Finding
         What to say about it.
+    level : bool
+        The accelerometers, where there are any, stayed as if throughout static.
     """
 
     static: bool
     rest: tuple[tuple[float, float], ...]
     findings: tuple[Finding, ...]
+    level: bool = False
 
 
 def look_at_rest(imu: ImuRecording, rate: float) -> Rest:
@@ -63,27 +66,30 @@ def look_at_rest(imu: ImuRecording, rate: float) -> Rest:
     means, spreads = _windows(imu, window, count)
     low, high = np.percentile(means, [5, 95], axis=0)
     limits = np.array([0.02 if c.startswith("gyro") else 0.3 for c in imu.channels])
+    gyros = np.array([c.startswith("gyro") for c in imu.channels])
+    steady = high - low < limits
+    level = bool(steady[~gyros].all())
     edge = np.append(imu.time[::window][:count], imu.time[count * window - 1])
     # The floor lets a grid or averaging over a second, which hides noise, not forbid rest.
-    if bool(np.all(high - low < limits)):
+    if bool(steady.all()):
         whole = (float(imu.time[0]), float(imu.time[-1]))
         text = "the sensor stood still throughout"
-        return Rest(True, (whole,), (Finding("rest", "info", text, (), (whole,), imu.duration),))
+        finding = Finding("rest", "info", text, (), (whole,), imu.duration)
+        return Rest(True, (whole,), (finding,), level)
     quiet, loud = np.percentile(spreads, [5, 95], axis=0)
     if float(np.median(loud / np.maximum(quiet, 1e-12))) < _CONTRAST:
-        return Rest(False, (), ())
+        return Rest(False, (), (), level)
     # Without a floor, a coarse grid would make windows without a single step the only rest.
     calm = np.all(spreads < 3.0 * quiet + 0.05 * limits, axis=1)
-    gyros = np.array([c.startswith("gyro") for c in imu.channels])
     if calm.any() and gyros.any():
         bias = np.median(means[calm][:, gyros], axis=0)
         calm &= np.all(np.abs(means[:, gyros] - bias) < 0.02, axis=1)
     rest = _runs(calm, edge, 2)
     if not rest:
-        return Rest(False, (), ())
+        return Rest(False, (), (), level)
     total = sum(b - a for a, b in rest)
     text = f"stood still {len(rest)} times, {total:.0f} s in all, first at {rest[0][0]:.1f} s"
-    return Rest(False, rest, (Finding("rest", "info", text, (), rest[:100], total),))
+    return Rest(False, rest, (Finding("rest", "info", text, (), rest[:100], total),), level)
 
 
 def _windows(imu: ImuRecording, window: int, count: int) -> tuple[FloatArray, FloatArray]:

@@ -88,15 +88,15 @@ def _piled(signal: FloatArray) -> int:
     return 0
 
 
-def suspected_units(imu: ImuRecording, static: bool) -> list[Finding]:
+def suspected_units(imu: ImuRecording, still: Rest) -> list[Finding]:
     """Compare the specific force with gravity, and the rate at rest with what gyros show.
 
     Parameters
     ----------
     imu : ImuRecording
         The recording.
-    static : bool
-        Whether it stood still throughout.
+    still : Rest
+        When it stood still.
 
     Returns
     -------
@@ -112,14 +112,15 @@ def suspected_units(imu: ImuRecording, static: bool) -> list[Finding]:
         if guess:
             text = f"the specific force is {force:.4g} m/s^2 in the median: {guess}"
             found.append(Finding("units", "warning", text, accel, value=force))
-        elif static and not 0.9 < ratio < 1.1:
+        elif still.static and not 0.9 < ratio < 1.1:
             text = f"at rest the specific force is {force:.4g} m/s^2, not near gravity"
             found.append(Finding("units", "warning", text, accel, value=force))
     gyro = tuple(c for c in imu.channels if c.startswith("gyro"))
     if gyro:
         signals = np.concatenate([np.abs(imu.channel(c)) for c in gyro])
         rate = float(np.median(signals))
-        if (static and rate > 0.1) or float(signals.max()) > 80.0:
+        # No sensor turns at 0.1 rad/s all the time while gravity stays where it is.
+        if (still.level and rate > 0.1) or float(signals.max()) > 80.0:
             text = (
                 f"the angular rate is {rate:.3g} rad/s in the median, {signals.max():.3g} at most: "
                 "the file may hold deg/s (say so with gyro_unit='deg/s')"
