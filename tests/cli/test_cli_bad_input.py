@@ -47,12 +47,12 @@ def zero_axis() -> str:
 BAD_LOGS = {
     "empty": ("", "empty"),
     "only a header": (HEADER + "\n", ""),
-    "missing column": (without_column(6), "accel_z"),
+    "no sensor column": ("\n".join(r.split(",", 1)[0] for r in rows()) + "\n", "gyro"),
     "text in a number": (changed(700, 3, "abc"), "abc"),
     "time goes backwards": (changed(900, 0, "1.000000"), "backwards"),
     "time repeats": (changed(900, 0, "8.980000"), "repeat"),
     "NaN": (changed(500, 4, "nan"), "NaN"),
-    "one sample": ("\n".join(rows(1)) + "\n", "2"),
+    "one sample": ("\n".join(rows(1)) + "\n", "1 sample"),
     "two samples": ("\n".join(rows(2)) + "\n", ""),
     "no rate": ("\n".join(r.split(",", 1)[1] for r in rows()) + "\n", "rate"),
     "an axis of zeros": (zero_axis(), "gyro_y"),
@@ -76,6 +76,17 @@ def test_bad_logs(name: str, tmp_path: Path, call: Callable[..., Outcome]) -> No
     assert "bug" not in line
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv"]
     assert outcome.out == ""
+
+
+def test_a_drive_needs_every_column(
+    recordings: Path, tmp_path: Path, call: Callable[..., Outcome]
+) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(without_column(6))
+    outcome = call("navigate", "--imu", log, "--gnss", recordings / "gnss.parquet")
+    line = outcome.one_line()
+    assert outcome.code == 2, line
+    assert "accel_z" in line
 
 
 def drive_with(recordings: Path, folder: Path, change: Callable[..., polars.DataFrame]) -> Path:
@@ -140,7 +151,7 @@ def test_bad_gnss(
             "together",
         ),
         (["export", "{noise}", "out.yaml", "--to", "csv"], "csv"),
-        (["export", "{imu}", "out.csv", "--to", "csv"], "latitude_deg"),
+        (["export", "{imu}", "out.csv", "--to", "csv"], "height_m"),
         (["export", "{noise}", "{noise}"], "is also an input"),
         (["export", "none.yaml", "out.yaml"], "none.yaml"),
         (["demo", "--data", "no-such-folder"], "no-such-folder"),

@@ -63,7 +63,6 @@ def characterize(
     from schuler.cli.loading import load_imu, say_if_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.identify import characterize_imu
     from schuler.scale.progress import progress
 
     outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
@@ -74,6 +73,8 @@ def characterize(
         if repair:
             imu = repaired(imu, screening, close_up=True)
     with progress("Fitting the noise of every channel"):
+        from schuler.identify import characterize_imu
+
         result = characterize_imu(imu)
     if report is not None:
         from schuler.report import render_report

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from schuler.cli.reading import DriveReading
+from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
@@ -128,9 +129,18 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[Any, Any]:
     """
     from schuler.characterize.screening import repair, screen
     from schuler.cli.loading import load_gnss, load_imu
+    from schuler.data.imu import CHANNELS
 
     recording = load_imu(imu, reading.imu_options())
     fixes = load_gnss(gnss, reading.gnss_options())
+    missing = [c for c in CHANNELS if c not in recording.channels]
+    if missing:
+        raise InputError(
+            f"has no {', '.join(missing)}",
+            expected="three gyros and three accelerometers",
+            cure="name the columns with --imu-column ROLE=NAME",
+            where=str(imu),
+        )
     screening = screen(recording)
     screening.require_usable()
     if reading.repair:

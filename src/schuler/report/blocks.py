@@ -137,13 +137,13 @@ class LegendItem:
         Text.
     colour : str
         Name in the palette.
-    mark : {"line", "dash", "dot", "band", "point"}
+    mark : {"line", "dash", "dot", "band", "point", "diamond"}
         How it is drawn.
     """
 
     label: str
     colour: str
-    mark: Literal["line", "dash", "dot", "band", "point"] = "line"
+    mark: Literal["line", "dash", "dot", "band", "point", "diamond"] = "line"
 
 
 @dataclass(frozen=True, slots=True)

@@ -151,7 +151,12 @@ def marks(
         "x": encode(x),
         "y": encode(y),
         "name": name,
-        "marker": {"color": colour, "size": size, "symbol": symbol, "line": {"width": 0}},
+        "marker": {
+            "color": colour,
+            "size": size,
+            "symbol": symbol,
+            "line": {"width": 2 if "open" in symbol else 0, "color": colour},
+        },
         "hovertemplate": "%{x:.4~g}, %{y:.4~g}",
     }
     if text:

@@ -96,5 +96,7 @@ def duration(seconds: float) -> str:
         return f"{number(seconds)} s"
     if seconds < 1200.0 and round(seconds) % 60:
         return f"{round(seconds) // 60} min {round(seconds) % 60} s"
+    if seconds > 172_800.0:
+        return f"{number(seconds / 86_400.0, 2)} days"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"

@@ -64,7 +64,7 @@ def characterization_sections(result: ImuCharacterization) -> tuple[Section, ...
     facts = Facts(
         (
             ("Length of the record", duration(first.curve.duration)),
-            ("Rate", f"{number(first.curve.rate, 5)} Hz"),
+            ("Rate", f"{first.curve.rate:.6g} Hz"),
             ("Long enough for 10 % on all", _enough(result)),
         )
     )
@@ -100,7 +100,7 @@ def _curves(found: dict[str, Identification]) -> FigureGrid:
     for kind, (name, colour, dash) in PARTS.items():
         if kind in kinds:
             legend.append(LegendItem(name, colour, "dot" if dash == "dot" else "dash"))
-    legend.append(LegendItem("slope method", "@mark", "point"))
+    legend.append(LegendItem("slope method", "@mark", "diamond"))
     figures = []
     for sensor in SHOWN_UNITS:
         channels = [c for c in CHANNELS if c in found and c.startswith(sensor)]
@@ -143,12 +143,12 @@ def _curve(
     traces: list[dict[str, Any]] = [
         *band(curve.tau, curve.lower / factor, curve.upper / factor, "@data/0.22", "95 %")
     ]
+    measured = marks(curve.tau, curve.deviation / factor, "@data", "measured", size=4)
+    traces.append(measured | {"hovertemplate": f"%{{x:.3~g}} s: %{{y:.4~g}} {unit}"})
     for part in found.process.components:
         name, colour, dash = PARTS.get(part.kind, (part.kind, "@other", "dash"))
         traces.append(line(tau, _level(part, tau) / factor, colour, name, width=1.4, dash=dash))
-    traces.append(line(tau, _level(found.process, tau) / factor, "@model", "model", width=1.6))
-    measured = marks(curve.tau, curve.deviation / factor, "@data", "measured", size=4.5)
-    traces.append(measured | {"hovertemplate": f"%{{x:.3~g}} s: %{{y:.4~g}} {unit}"})
+    traces.append(line(tau, _level(found.process, tau) / factor, "@model", "model", width=1.5))
     traces.append(_slope_marks(found, factor))
     lowest = int(np.argmin(curve.deviation))
     return Figure(
@@ -187,7 +187,7 @@ def _slope_marks(found: Identification, factor: float) -> dict[str, Any]:
         [p[1] / factor for p in points],
         "@mark",
         "slope method",
-        size=9,
+        size=11,
         symbol="diamond-open",
         text=tuple(p[2] for p in points),
     )

@@ -76,7 +76,7 @@ def recording_sections(imu: ImuRecording) -> tuple[Section, ...]:
         (
             ("Recording", imu.name),
             ("Samples", f"{imu.size:,}".replace(",", "\u202f")),
-            ("Rate", f"{number(imu.rate, 6)} Hz"),
+            ("Rate", f"{imu.rate:.6g} Hz"),
             ("Duration", duration(imu.duration)),
         )
     )

@@ -27,8 +27,8 @@ def screening_sections(screening: Screening) -> tuple[Section, ...]:
     """
     facts = Facts(
         (
-            ("Rate", f"{number(screening.rate, 6)} Hz"),
-            ("Jitter of the time stamps", f"{number(1e3 * screening.jitter)} ms"),
+            ("Rate", f"{screening.rate:.6g} Hz"),
+            ("Jitter of the time stamps", _jitter(screening.jitter)),
             ("Repeated rows", str(int(screening.repeated.sum()))),
             ("Knocks and outliers", str(len(screening.disturbed))),
             ("Gaps", str(len(screening.gaps))),
@@ -44,6 +44,10 @@ def screening_sections(screening: Screening) -> tuple[Section, ...]:
     return (Section("Screening", (facts, Findings(items)), (sentence,)),)
 
 
+def _jitter(seconds: float) -> str:
+    return f"{number(1e3 * seconds)} ms" if seconds >= 1e-6 else "below 1 µs"
+
+
 def _rest(screening: Screening) -> str:
     seconds = sum(stop - start for start, stop in screening.rest)
     return duration(seconds) if seconds else "never"
@@ -53,9 +57,7 @@ def _where(finding: Seen) -> str:
     if not finding.intervals:
         return ""
     spans = [
-        f"{number(start, 6)} s"
-        if stop - start < 0.1
-        else f"{number(start, 6)} to {number(stop, 6)} s"
+        f"{f'{start:.8g}'} s" if stop - start < 0.1 else f"{f'{start:.8g}'} to {f'{stop:.8g}'} s"
         for start, stop in finding.intervals[:MOST_INTERVALS]
     ]
     more = len(finding.intervals) - len(spans)
