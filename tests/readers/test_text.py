@@ -264,3 +264,55 @@ def test_velocity_from_speed_and_course(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     assert read_gnss(path).velocity[0] == pytest.approx([0.0, 10.0, 0.0], abs=1e-12)
+
+
+def test_degree_sign_in_any_encoding(tmp_path: Path) -> None:
+    values = table()
+    header = "time (s);" + ";".join(f"gyro {a} (°/s)" for a in "xyz")
+    header += ";" + ";".join(f"acc {a} (m/s²)" for a in "xyz")
+    for encoding in ("utf-8", "utf-8-sig", "latin-1"):
+        path = write(tmp_path / "a.csv", values, header, ";", encoding=encoding)
+        same(read_imu(path), values, DEG)
+
+
+def test_damaged_text_gives_a_recording_or_one_clear_line(tmp_path: Path) -> None:
+    """Three hundred random edits of good files: never a traceback, always the file's name."""
+    rng = np.random.default_rng(11)
+    path = tmp_path / "a.csv"
+    good = write(path, table(40), ",".join(NAMES)).read_bytes()
+    pos = b"%  GPST  latitude(deg) longitude(deg) height(m)  Q  ns  sdn(m)  sde(m)  sdu(m)\n"
+    for k in range(30):
+        pos += b"2025/07/08 19:34:%02d.5 40.0966 -105.1474 1585.4 1 21 0.01 0.01 0.02\n" % k
+    pieces = [
+        b",",
+        b"\n",
+        b"nan",
+        b'"',
+        b"  ",
+        b"1e999",
+        b"-",
+        b"text",
+        b"\r",
+        b"\xb0",
+        b"\0",
+        b".",
+    ]
+    outcomes = {True: 0, False: 0}
+    for trial in range(300):
+        text = bytearray(good if trial % 2 else pos)
+        for _ in range(int(rng.integers(1, 4))):
+            place = int(rng.integers(len(text)))
+            if rng.random() < 0.5:
+                text[place:place] = pieces[int(rng.integers(len(pieces)))]
+            else:
+                del text[place : place + int(rng.integers(1, 6))]
+        path.write_bytes(bytes(text))
+        read = read_imu if trial % 2 else read_gnss
+        try:
+            read(path)
+            outcomes[True] += 1
+        except SchulerError as error:
+            outcomes[False] += 1
+            assert str(path) in str(error)
+            assert "\n" not in str(error)
+    assert min(outcomes.values()) > 30

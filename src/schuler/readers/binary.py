@@ -72,7 +72,7 @@ class ParquetSource:
             )
         try:
             frame = polars.read_parquet(self.path, columns=list(dict.fromkeys(names)))
-        except (polars.exceptions.PolarsError, OSError) as error:
+        except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
             raise _damaged(self.path, error) from None
         columns: Columns = {}
         for name in names:
@@ -132,7 +132,7 @@ def open_parquet(path: Path) -> ParquetSource:
     try:
         schema = polars.read_parquet_schema(path)
         metadata = polars.read_parquet_metadata(path)
-    except (polars.exceptions.PolarsError, OSError) as error:
+    except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
         raise _damaged(path, error) from None
     kinds = {}
     for name, dtype in schema.items():
@@ -179,7 +179,7 @@ def open_npz(path: Path) -> MemorySource:
     columns: Columns = {}
     rate = None
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
     except ValueError as error:
         if "allow_pickle" in str(error) or "object" in str(error).lower():

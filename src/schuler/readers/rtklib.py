@@ -18,6 +18,8 @@ from schuler.errors import InputError
 from schuler.readers.source import Columns, MemorySource
 
 _GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "ns")
+_DAY = re.compile(r"\d{4}[/-]\d\d[/-]\d\d")
+_TIME_OF_DAY = re.compile(r"\d\d:\d\d:\d\d(?:\.\d{1,9})?")
 _WEEK_SECONDS = 604800.0
 _DEFAULT = ("latitude(deg)", "longitude(deg)", "height(m)", "Q", "ns", "sdn(m)", "sde(m)", "sdu(m)")
 
@@ -130,6 +132,8 @@ def _time(path: Path, rows: list[list[str]], numbers: list[int]) -> tuple[Any, i
         if "/" in first[0] or "-" in first[0][1:]:
             stamps = np.empty(len(rows), dtype="datetime64[ns]")
             for k, row in enumerate(rows):
+                if not _DAY.fullmatch(row[0]) or not _TIME_OF_DAY.fullmatch(row[1]):
+                    raise ValueError
                 stamps[k] = np.datetime64(f"{re.sub('/', '-', row[0])}T{row[1]}", "ns")
             nanoseconds = (stamps - _GPS_EPOCH).astype(np.int64)
             week = nanoseconds[0] // (604800 * 10**9)

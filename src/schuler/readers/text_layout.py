@@ -13,7 +13,7 @@ from schuler.readers.source import TextOptions
 
 _HEAD_BYTES = 1 << 18
 _COMMENTS = ("#", "%", "//")
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?$")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$")
 _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][+-]?\d+)?$")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "inf", "-inf", "-nan", "+inf"}
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?(?:[T ]\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?\s*\S*)?$")
@@ -173,7 +173,13 @@ def head(path: Path) -> list[str]:
             expected="CSV or text, Parquet, NPZ, RTKLIB .pos, or a ROS bag",
             where=str(path),
         )
-    text = data.decode("utf-8-sig", errors="replace")
+    whole = data[: data.rfind(b"\n") + 1] or data  # no character is cut in two
+    try:
+        whole.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # where the degree sign of old loggers is one byte
+    else:
+        text = data.decode("utf-8-sig", errors="replace")
     lines = text.splitlines()
     return lines[:-1] if more and len(lines) > 1 else lines
 
