@@ -1,1 +1,1 @@
-"""characterize"""
+"""From signals to curves and findings: screening, Allan deviation, confidence."""

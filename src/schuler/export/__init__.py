@@ -1,1 +1,1 @@
-"""export"""
+"""Noise models and trajectories in the formats of other programs."""

@@ -58,6 +58,12 @@ _MEANINGS = {
     "turn_on_bias": "constant, new at every start",
     "sinusoid": "periodic error",
 }
+_DEFAULTS = {
+    f"{kind}.{f.name}": f.default
+    for kind, cls in PROCESSES.items()
+    for f in fields(cls)  # type: ignore[arg-type]
+    if f.default is not MISSING
+}
 _HEADER = """\
 # Noise model of an inertial measurement unit: independent processes that add up, per channel.
 # Every number has its unit and may be edited; "+-" is one standard error. A number without a
@@ -118,6 +124,7 @@ def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> st
             lines += [
                 f"        {key}: {_text(channel, f'{name}.{key}', value, errors, units)}"
                 for key, value in part.parameters.items()
+                if value != _DEFAULTS.get(f"{part.kind}.{key}")
             ]
     if any(model.limits.values()):
         lines += ["# Looked for and not found: more than this is excluded at 95 %.", "excluded:"]
