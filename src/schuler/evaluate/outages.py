@@ -367,8 +367,15 @@ def evaluate_outages(
         say = None if progress is None else _prefixed(progress, label)
         used = withhold(gnss, group)
         cut, setup = prepare(
-            imu, used, noise_model, lever_arm=arm, heading=heading, mounting=mounting,
-            time_offset=time_offset, tune_noise=tune_noise, progress=say,
+            imu,
+            used,
+            noise_model,
+            lever_arm=arm,
+            heading=heading,
+            mounting=mounting,
+            time_offset=time_offset,
+            tune_noise=tune_noise,
+            progress=say,
         )
         if say is not None:
             say("filtering and smoothing")
@@ -377,8 +384,12 @@ def evaluate_outages(
         for solution, results in ((done.causal, causal), (done.smoothed, smoothed)):
             results += [
                 judge_window(
-                    solution, gnss, window, lever_arm=arm,
-                    time_offset=setup.offsets.position, sd_factor=setup.factors.position_sd,
+                    solution,
+                    gnss,
+                    window,
+                    lever_arm=arm,
+                    time_offset=setup.offsets.position,
+                    sd_factor=setup.factors.position_sd,
                 )
                 for window in group
             ]

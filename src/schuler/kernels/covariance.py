@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@kernel()
+@kernel(inline=True)
 def navigation_rows(
     rows: Array,
     channel_errors: Array,
@@ -38,10 +38,12 @@ def navigation_rows(
 ) -> None:
     """Apply one step of the transition to nine rows. Spec 7.2.
 
-    `rows` (9, width), `channel_errors` (6, width): accelerometer then gyro errors in the body
-    frame, `result` (9, width); `earth` (10,) as `strapdown_step` leaves it; `transport` (3,):
-    1/(R_N + h), -1/(R_M + h), -tan(latitude)/(R_N + h).
+    `rows` (9 rows), `channel_errors` (6 rows): accelerometer then gyro errors in the body frame,
+    `result` (9 rows): flat arrays with 264 places a row, so that the compiler knows the rows lie
+    apart and vectorises along them; `width` is at most 256. `earth` (10,) as `strapdown_step`
+    leaves it; `transport` (3,): 1/(R_N + h), -1/(R_M + h), -tan(latitude)/(R_N + h).
     """
+    s = 264
     half = 0.5 * dt
     a0, a1, a2 = earth[0] * half, earth[1] * half, earth[2] * half
     w0, w1, w2 = earth[3] * dt, earth[4] * dt, earth[5] * dt
@@ -52,66 +54,65 @@ def navigation_rows(
     c10, c11, c12 = rotation[1, 0] * dt, rotation[1, 1] * dt, rotation[1, 2] * dt
     c20, c21, c22 = rotation[2, 0] * dt, rotation[2, 1] * dt, rotation[2, 2] * dt
     for k in range(width):
-        v0, v1, v2 = rows[3, k], rows[4, k], rows[5, k]
-        p0, p1, p2 = rows[6, k], rows[7, k], rows[8, k]
-        y0, y1, y2 = channel_errors[3, k], channel_errors[4, k], channel_errors[5, k]
+        v0, v1, v2 = rows[3 * s + k], rows[4 * s + k], rows[5 * s + k]
+        p0, p1, p2 = rows[6 * s + k], rows[7 * s + k], rows[8 * s + k]
+        y0 = channel_errors[3 * s + k]
+        y1 = channel_errors[4 * s + k]
+        y2 = channel_errors[5 * s + k]
         q0 = p0 + w2 * p1 - w1 * p2 - (c00 * y0 + c01 * y1 + c02 * y2) + t0 * v1
         q1 = p1 + w0 * p2 - w2 * p0 - (c10 * y0 + c11 * y1 + c12 * y2) + t1 * v0
         q2 = p2 + w1 * p0 - w0 * p1 - (c20 * y0 + c21 * y1 + c22 * y2) + t2 * v1
-        result[6, k] = q0
-        result[7, k] = q1
-        result[8, k] = q2
+        result[6 * s + k] = q0
+        result[7 * s + k] = q1
+        result[8 * s + k] = q2
         s0, s1, s2 = p0 + q0, p1 + q1, p2 + q2
-        x0, x1, x2 = channel_errors[0, k], channel_errors[1, k], channel_errors[2, k]
+        x0 = channel_errors[k]
+        x1 = channel_errors[s + k]
+        x2 = channel_errors[2 * s + k]
         u0 = v0 + (a1 * s2 - a2 * s1) + (c00 * x0 + c01 * x1 + c02 * x2) - (k1 * v2 - k2 * v1)
         u1 = v1 + (a2 * s0 - a0 * s2) + (c10 * x0 + c11 * x1 + c12 * x2) - (k2 * v0 - k0 * v2)
         u2 = v2 + (a0 * s1 - a1 * s0) + (c20 * x0 + c21 * x1 + c22 * x2) - (k0 * v1 - k1 * v0)
-        u2 += gradient * rows[2, k]
-        result[3, k] = u0
-        result[4, k] = u1
-        result[5, k] = u2
-        result[0, k] = rows[0, k] + half * (v0 + u0)
-        result[1, k] = rows[1, k] + half * (v1 + u1)
-        result[2, k] = rows[2, k] + half * (v2 + u2)
+        u2 += gradient * rows[2 * s + k]
+        result[3 * s + k] = u0
+        result[4 * s + k] = u1
+        result[5 * s + k] = u2
+        result[k] = rows[k] + half * (v0 + u0)
+        result[s + k] = rows[s + k] + half * (v1 + u1)
+        result[2 * s + k] = rows[2 * s + k] + half * (v2 + u2)
 
 
-@kernel()
+@kernel(inline=True)
 def channel_rows(
-    sensor_rows: Array,
-    channel: Integers,
-    direction: Array,
-    first: int,
-    count: int,
-    width: int,
-    result: Array,
+    covariance: Array, channel: Integers, direction: Array, width: int, result: Array
 ) -> None:
-    """Sum rows of sensor states into the six channel errors of the body frame.
+    """Sum the rows of the sensor states into the six channel errors of the body frame.
 
-    State j adds direction[j] (3,) times its row to the accelerometer (channel[j] < 3) or gyro
-    triad; a state that does not show (the slope of a ramp) has direction zero. The common case,
-    a state that is the whole error of the axis channel[j], is marked by direction[j, 0] = NaN:
-    only one of the three rows is then touched. `result` (6, width).
+    State j, row 9 + j of `covariance`, adds direction[j] (3,) times its row to the accelerometer
+    (channel[j] < 3) or gyro triad; a state that does not show (the slope of a ramp) has direction
+    zero. The common case, a state that is the whole error of the axis channel[j], is marked by
+    direction[j, 0] = NaN: only one of the three rows is then touched. `result`: 6 rows of 264.
     """
+    s = 264
     for c in range(6):
         for k in range(width):
-            result[c, k] = 0.0
-    for j in range(count):
+            result[c * s + k] = 0.0
+    for j in range(channel.size):
         c = channel[j]
         d0 = direction[j, 0]
         if math.isnan(d0):
             for k in range(width):
-                result[c, k] += sensor_rows[first + j, k]
+                result[c * s + k] += covariance[9 + j, k]
         else:
-            base = 0 if c < 3 else 3
+            base = 0 if c < 3 else 3 * s
             d1, d2 = direction[j, 1], direction[j, 2]
             for k in range(width):
-                value = sensor_rows[first + j, k]
-                result[base, k] += d0 * value
-                result[base + 1, k] += d1 * value
-                result[base + 2, k] += d2 * value
+                value = covariance[9 + j, k]
+                result[base + k] += d0 * value
+                result[base + s + k] += d1 * value
+                result[base + 2 * s + k] += d2 * value
 
 
-@kernel()
+@kernel(inline=True)
 def sensor_transition(
     dt: float,
     drift: Array,
@@ -158,35 +159,17 @@ def sensor_transition(
             # trapezoid of the noise integral: third order in the step
             qa, qb, qd = diffusion[j, 0], diffusion[j, 1], diffusion[other, 0]
             far, near = grow * c * odd, grow * (even - half * odd)
-            noise[j, 0] = 0.5 * dt * (
-                qa + own * own * qa + 2.0 * own * cross * qb + cross * cross * qd
+            noise[j, 0] = (
+                0.5 * dt * (qa + own * own * qa + 2.0 * own * cross * qb + cross * cross * qd)
             )
-            noise[j, 1] = 0.5 * dt * (
-                qb + own * far * qa + (own * near + cross * far) * qb + cross * near * qd
+            noise[j, 1] = (
+                0.5
+                * dt
+                * (qb + own * far * qa + (own * near + cross * far) * qb + cross * near * qd)
             )
 
 
-@kernel()
-def sensor_rows_step(
-    rows: Array, first: int, width: int, transition: Array, partner: Integers
-) -> None:
-    """Apply the sensor transition to rows first.. of a matrix, in place."""
-    for j in range(transition.shape[0]):
-        other = partner[j]
-        own = transition[j, 0]
-        if other < 0:
-            if own != 1.0:
-                for k in range(width):
-                    rows[first + j, k] *= own
-        elif other > j:
-            cross, far, near = transition[j, 1], transition[other, 1], transition[other, 0]
-            for k in range(width):
-                x, y = rows[first + j, k], rows[first + other, k]
-                rows[first + j, k] = own * x + cross * y
-                rows[first + other, k] = far * x + near * y
-
-
-@kernel()
+@kernel(inline=True)
 def propagate_covariance(
     covariance: Array,
     dt: float,
@@ -199,56 +182,59 @@ def propagate_covariance(
     transition: Array,
     noise: Array,
     white: Array,
-    top: Array,
+    rows: Array,
     errors: Array,
-    block: Array,
-    block_errors: Array,
+    top: Array,
     block_top: Array,
 ) -> None:
     """P <- F P F' + Q over one step, in place. Spec 7.2 and 7.3.
 
-    `covariance` (n, n) with n = 9 + m; `white` (6,): squared densities of the accelerometer then
-    gyro channels in the body frame; work arrays top (9, n), errors (6, n), block (9, 9),
-    block_errors (6, 9), block_top (9, 9).
+    `covariance` (n, n) with n = 9 + m <= 256; `white` (6,): squared densities of the
+    accelerometer then gyro channels in the body frame; work arrays of 264 places a row: rows,
+    top and block_top of 9 rows, errors of 6.
     """
+    s = 264
     n = covariance.shape[0]
     m = n - 9
-    channel_rows(covariance, channel, direction, 9, m, n, errors)
-    navigation_rows(covariance, errors, top, n, dt, rotation, earth, transport)
+    for i in range(9):
+        for k in range(n):
+            rows[i * s + k] = covariance[i, k]
+    channel_rows(covariance, channel, direction, n, errors)
+    navigation_rows(rows, errors, top, n, dt, rotation, earth, transport)
     for i in range(9):
         for k in range(9):
-            block[k, i] = top[i, k]
+            rows[k * s + i] = top[i * s + k]
     for c in range(6):
         for i in range(9):
-            block_errors[c, i] = 0.0
+            errors[c * s + i] = 0.0
     for j in range(m):
         c = channel[j]
         d0 = direction[j, 0]
         if math.isnan(d0):
             for i in range(9):
-                block_errors[c, i] += top[i, 9 + j]
+                errors[c * s + i] += top[i * s + 9 + j]
         else:
-            base = 0 if c < 3 else 3
+            base = 0 if c < 3 else 3 * s
             d1, d2 = direction[j, 1], direction[j, 2]
             for i in range(9):
-                value = top[i, 9 + j]
-                block_errors[base, i] += d0 * value
-                block_errors[base + 1, i] += d1 * value
-                block_errors[base + 2, i] += d2 * value
-    navigation_rows(block, block_errors, block_top, 9, dt, rotation, earth, transport)
+                value = top[i * s + 9 + j]
+                errors[base + i] += d0 * value
+                errors[base + s + i] += d1 * value
+                errors[base + 2 * s + i] += d2 * value
+    navigation_rows(rows, errors, block_top, 9, dt, rotation, earth, transport)
     for i in range(9):
         for k in range(i + 1):
-            covariance[i, k] = block_top[i, k]
-            covariance[k, i] = block_top[i, k]
+            covariance[i, k] = block_top[i * s + k]
+            covariance[k, i] = block_top[i * s + k]
 
     # sensor states: F_s P_ss F_s' + Q, and the cross blocks
     for j in range(m):
         other = partner[j]
         own, cross = transition[j, 0], transition[j, 1]
         for i in range(9):
-            value = own * top[i, 9 + j]
+            value = own * top[i * s + 9 + j]
             if other >= 0:
-                value += cross * top[i, 9 + other]
+                value += cross * top[i * s + 9 + other]
             covariance[i, 9 + j] = value
             covariance[9 + j, i] = value
     paired = False
@@ -258,21 +244,21 @@ def propagate_covariance(
     if paired:
         for j in range(m):
             for k in range(m):
-                top[0, k] = covariance[9 + j, 9 + k]
+                rows[k] = covariance[9 + j, 9 + k]
             for k in range(m):
                 other = partner[k]
-                value = transition[k, 0] * top[0, k]
+                value = transition[k, 0] * rows[k]
                 if other >= 0:
-                    value += transition[k, 1] * top[0, other]
+                    value += transition[k, 1] * rows[other]
                 covariance[9 + j, 9 + k] = value
         for k in range(m):
             for j in range(m):
-                top[0, j] = covariance[9 + j, 9 + k]
+                rows[j] = covariance[9 + j, 9 + k]
             for j in range(m):
                 other = partner[j]
-                value = transition[j, 0] * top[0, j]
+                value = transition[j, 0] * rows[j]
                 if other >= 0:
-                    value += transition[j, 1] * top[0, other]
+                    value += transition[j, 1] * rows[other]
                 covariance[9 + j, 9 + k] = value
         for j in range(m):
             for k in range(j):

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@kernel()
+@kernel(inline=True)
 def correct_sample(
     gyro: Array,
     accel: Array,
@@ -67,7 +67,7 @@ def correct_sample(
         velocity[i] *= dt
 
 
-@kernel()
+@kernel(inline=True)
 def accumulate_transition(
     top: Array,
     sensor: Array,
@@ -84,31 +84,33 @@ def accumulate_transition(
 ) -> None:
     """Left-multiply the accumulated transition by that of one step, in place.
 
-    The transition is kept as its nine navigation rows `top` (9, n) and the sensor blocks
-    `sensor` (m, 2) in the layout of `sensor_transition`.
+    The transition is kept as its nine navigation rows `top` (9 rows of 264) and the sensor
+    blocks `sensor` (m, 2) in the layout of `sensor_transition`.
     """
-    n = top.shape[1]
-    m = n - 9
+    s = 264
+    m = sensor.shape[0]
+    n = 9 + m
     for c in range(6):
         for k in range(n):
-            errors[c, k] = 0.0
+            errors[c * s + k] = 0.0
     for j in range(m):
         c = channel[j]
         other = partner[j]
         if math.isnan(direction[j, 0]):
-            errors[c, 9 + j] += sensor[j, 0]
+            errors[c * s + 9 + j] += sensor[j, 0]
             if other >= 0:
-                errors[c, 9 + other] += sensor[j, 1]
+                errors[c * s + 9 + other] += sensor[j, 1]
         else:
             base = 0 if c < 3 else 3
             for i in range(3):
-                errors[base + i, 9 + j] += direction[j, i] * sensor[j, 0]
+                row = (base + i) * s + 9
+                errors[row + j] += direction[j, i] * sensor[j, 0]
                 if other >= 0:
-                    errors[base + i, 9 + other] += direction[j, i] * sensor[j, 1]
+                    errors[row + other] += direction[j, i] * sensor[j, 1]
     navigation_rows(top, errors, work, n, dt, rotation, earth, transport)
     for i in range(9):
         for k in range(n):
-            top[i, k] = work[i, k]
+            top[i * s + k] = work[i * s + k]
     for j in range(m):
         other = partner[j]
         if other < 0:
@@ -117,17 +119,17 @@ def accumulate_transition(
             a, b = sensor[j, 0], sensor[j, 1]
             c0, d = sensor[other, 1], sensor[other, 0]
             p, q = transition[j, 0], transition[j, 1]
-            r, s = transition[other, 1], transition[other, 0]
+            r, t = transition[other, 1], transition[other, 0]
             sensor[j, 0], sensor[j, 1] = p * a + q * c0, p * b + q * d
-            sensor[other, 1], sensor[other, 0] = r * a + s * c0, r * b + s * d
+            sensor[other, 1], sensor[other, 0] = r * a + t * c0, r * b + t * d
 
 
-@kernel()
+@kernel(inline=True)
 def reset_transition(top: Array, sensor: Array) -> None:
     """Set the accumulated transition to the identity."""
-    top[:, :] = 0.0
+    top[:] = 0.0
     for i in range(9):
-        top[i, i] = 1.0
+        top[i * 264 + i] = 1.0
     sensor[:, 0] = 1.0
     sensor[:, 1] = 0.0
 
@@ -188,8 +190,8 @@ def run_filter(
     every aiding time and at least every `node_interval`; with node_covariance of k rows
     (k, s, s) all that the smoother needs is kept: node_top (k, 9, s) and node_transition
     (k, m, 2) from the node before, node_error (k, s) the correction fed back there, node_aid
-    (k, 2) the range of measurements used there, aid_row and aid_gain (u, 3, s), aid_scalar
-    (u, 3, 2) innovation and its variance.
+    (k, 2) the range of measurements used there, aid_row and aid_gain (u, 3, s). aid_scalar
+    (u, 3, 2), always written: innovation and its variance of every component that was used.
 
     white (6,): squared noise densities, accelerometer then gyro; white_scale (n, 6) or (0, 6)
     multiplies them sample by sample. gate (4,): largest normalised innovation squared accepted
@@ -215,10 +217,11 @@ def run_filter(
     angle, velocity_increment = np.zeros(3), np.zeros(3)
     previous_angle, previous_velocity = np.zeros(3), np.zeros(3)
     part_angle, part_velocity = np.zeros(3), np.zeros(3)
-    top, errors = np.empty((9, size)), np.empty((6, size))
-    block, block_errors, block_top = np.empty((9, 9)), np.empty((6, 9)), np.empty((9, 9))
+    # 264 places a row: see navigation_rows
+    rows, errors = np.zeros(9 * 264), np.zeros(6 * 264)
+    top, block_top = np.zeros(9 * 264), np.zeros(9 * 264)
     transition, noise = np.empty((m, 2)), np.empty((m, 2))
-    total_top, total_sensor = np.empty((9, size)), np.empty((m, 2))
+    total_top, total_sensor = np.zeros(9 * 264), np.empty((m, 2))
     reset_transition(total_top, total_sensor)
     residual, deviation = np.empty(3), np.empty(3)
     design = np.empty((3, size))
@@ -239,8 +242,14 @@ def run_filter(
             now = time[k - 1]
             step = end - now
         correct_sample(
-            gyro[k], accel[k], step, sensor_state, channel, direction,
-            angle, velocity_increment,
+            gyro[k],
+            accel[k],
+            step,
+            sensor_state,
+            channel,
+            direction,
+            angle,
+            velocity_increment,
         )
         if scaled:
             for i in range(6):
@@ -255,7 +264,7 @@ def run_filter(
             # advance to the target in steps no longer than allowed
             span = target - now
             if span > 1e-9 * step and k > 0:
-                pieces = int(math.ceil(span / longest_step - 1e-6))
+                pieces = math.ceil(span / longest_step - 1e-6)
                 pieces = max(pieces, 1)
                 dt = span / pieces
                 share = dt / step
@@ -272,17 +281,48 @@ def run_filter(
                     transport[1] = -1.0 / (meridian + position[2])
                     transport[2] = -sine / math.sqrt(1.0 - sine * sine) * transport[0]
                     strapdown_step(
-                        dt, part_angle, part_velocity, previous_angle, previous_velocity,
-                        position, velocity, quaternion, rotation, earth,
+                        dt,
+                        part_angle,
+                        part_velocity,
+                        previous_angle,
+                        previous_velocity,
+                        position,
+                        velocity,
+                        quaternion,
+                        rotation,
+                        earth,
                     )
                     propagate_covariance(
-                        covariance, dt, rotation, earth, transport, channel, direction, partner,
-                        transition, noise, noise_now, top, errors, block, block_errors, block_top,
+                        covariance,
+                        dt,
+                        rotation,
+                        earth,
+                        transport,
+                        channel,
+                        direction,
+                        partner,
+                        transition,
+                        noise,
+                        noise_now,
+                        rows,
+                        errors,
+                        top,
+                        block_top,
                     )
                     if keep_nodes:
                         accumulate_transition(
-                            total_top, total_sensor, dt, rotation, earth, transport, channel,
-                            direction, partner, transition, errors, top,
+                            total_top,
+                            total_sensor,
+                            dt,
+                            rotation,
+                            earth,
+                            transport,
+                            channel,
+                            direction,
+                            partner,
+                            transition,
+                            errors,
+                            top,
                         )
                     for j in range(m):
                         other = partner[j]
@@ -295,16 +335,16 @@ def run_filter(
                                 transition[other, 1] * x + transition[other, 0] * y
                             )
                 now = target
-            if not aiding and not (
-                k == 0 or k == n - 1 or now - node_time[nodes] >= node_interval
-            ):
+            if not aiding and not (k == 0 or k == n - 1 or now - node_time[nodes] >= node_interval):
                 break
 
             if nodes < 0 or now > node_time[nodes] + 1e-9:
                 nodes += 1
                 node_time[nodes] = now
                 if keep_nodes:
-                    node_top[nodes] = total_top
+                    for i in range(9):
+                        for j in range(size):
+                            node_top[nodes, i, j] = total_top[i * 264 + j]
                     node_transition[nodes] = total_sensor
                     reset_transition(total_top, total_sensor)
                     node_error[nodes] = 0.0
@@ -317,8 +357,17 @@ def run_filter(
                         rate -= rotation[c, i] * earth[3 + c]
                     body_rate[i] = rate
                 measurement_model(
-                    aid_kind[done], aid_value[done], aid_lever[done], position, velocity,
-                    rotation, body_rate, channel, direction, residual, design,
+                    aid_kind[done],
+                    aid_value[done],
+                    aid_lever[done],
+                    position,
+                    velocity,
+                    rotation,
+                    body_rate,
+                    channel,
+                    direction,
+                    residual,
+                    design,
                 )
                 nis, log_determinant, degrees = innovation_statistics(
                     residual, design, aid_variance[done], covariance, deviation
@@ -334,9 +383,7 @@ def run_filter(
                     aid_residual[done, i] = residual[i] if used else math.nan
                     aid_deviation[done, i] = deviation[i]
                 if accepted:
-                    likelihood -= 0.5 * (
-                        nis + log_determinant + degrees * math.log(2.0 * math.pi)
-                    )
+                    likelihood -= 0.5 * (nis + log_determinant + degrees * math.log(2.0 * math.pi))
                     error[:] = 0.0
                     for i in range(3):
                         if not math.isfinite(aid_variance[done, i]):
@@ -347,17 +394,23 @@ def run_filter(
                         s = scalar_update(
                             innovation, design[i], aid_variance[done, i], covariance, error, gain
                         )
+                        aid_scalar[done, i, 0] = innovation
+                        aid_scalar[done, i, 1] = s
                         if keep_nodes:
                             aid_row[done, i] = design[i]
                             aid_gain[done, i] = gain
-                            aid_scalar[done, i, 0] = innovation
-                            aid_scalar[done, i, 1] = s
                     feed_back(error, position, velocity, quaternion, rotation, sensor_state)
                     if keep_nodes:
                         node_error[nodes] += error
                     correct_sample(
-                        gyro[k], accel[k], step, sensor_state, channel, direction,
-                        angle, velocity_increment,
+                        gyro[k],
+                        accel[k],
+                        step,
+                        sensor_state,
+                        channel,
+                        direction,
+                        angle,
+                        velocity_increment,
                     )
                 done += 1
                 if keep_nodes:

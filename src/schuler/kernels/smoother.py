@@ -64,7 +64,7 @@ def back_through_transition(
     partner: Integers,
     work: Array,
 ) -> None:
-    """lambda <- F' lambda and Lambda <- F' Lambda F, in place; F as the filter stores it."""
+    """Lambda <- F' lambda and Lambda <- F' Lambda F, in place; F as the filter stores it."""
     n = adjoint.size
     m = n - 9
     # work = Lambda F

@@ -72,7 +72,7 @@ def rotation_from_quaternion(quaternion: Array, rotation: Array) -> None:
     rotation[2, 2] = 1.0 - 2.0 * (b * b + c * c)
 
 
-@kernel()
+@kernel(inline=True)
 def strapdown_step(
     dt: float,
     increment_angle: Array,

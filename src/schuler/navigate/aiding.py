@@ -96,8 +96,13 @@ class GnssPosition:
             Standard deviations are not known.
         """
         sd = _known(self.recording.position_sd, self.recording, "position")
-        return _schedule(self.recording.time + self.time_offset, POSITION,
-                         self.recording.position, sd * self.sd_factor, self.lever_arm)
+        return _schedule(
+            self.recording.time + self.time_offset,
+            POSITION,
+            self.recording.position,
+            sd * self.sd_factor,
+            self.lever_arm,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,11 +129,17 @@ class GnssVelocity:
         """
         velocity = self.recording.velocity
         if velocity is None:
-            return _schedule(np.empty(0), VELOCITY, np.empty((0, 3)), np.empty((0, 3)),
-                             self.lever_arm)
+            return _schedule(
+                np.empty(0), VELOCITY, np.empty((0, 3)), np.empty((0, 3)), self.lever_arm
+            )
         sd = _known(self.recording.velocity_sd, self.recording, "velocity")
-        return _schedule(self.recording.time + self.time_offset, VELOCITY,
-                         velocity, sd * self.sd_factor, self.lever_arm)
+        return _schedule(
+            self.recording.time + self.time_offset,
+            VELOCITY,
+            velocity,
+            sd * self.sd_factor,
+            self.lever_arm,
+        )
 
 
 def merge_schedules(parts: Sequence[AidingSchedule], start: float, stop: float) -> AidingSchedule:
@@ -188,7 +199,7 @@ def _schedule(
 ) -> AidingSchedule:
     arm = np.asarray(lever_arm, dtype=np.float64)
     if arm.shape != (3,) or not np.isfinite(arm).all():
-        raise InputError(f"lever arm is {lever_arm}", expected="three finite numbers in m")
+        raise InputError(f"lever arm is {lever_arm!r}", expected="three finite numbers in m")
     return AidingSchedule(
         time=time,
         kind=np.full(time.size, kind, dtype=np.int64),

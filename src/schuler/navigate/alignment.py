@@ -85,7 +85,7 @@ def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, fl
     tuple of float or None
         Start and end in s; None if there are less than two seconds.
     """
-    block = max(int(round(imu.rate)), 1)
+    block = max(round(imu.rate), 1)
     count = imu.size // block
     if count < 2:
         return None
@@ -154,8 +154,13 @@ def align(
         yaw = heading - np.arctan2(level[1, 0], level[0, 0])
         return Alignment(
             rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
-            tilt_sd=_tilt_sd(), heading_sd=np.radians(2.0), gyro_bias=bias, gyro_bias_sd=bias_sd,
-            rest=rest, method="levelled at rest, heading given", velocity=np.zeros(3),
+            tilt_sd=_tilt_sd(),
+            heading_sd=np.radians(2.0),
+            gyro_bias=bias,
+            gyro_bias_sd=bias_sd,
+            rest=rest,
+            method="levelled at rest, heading given",
+            velocity=np.zeros(3),
         )
     if gnss.velocity is None:
         gnss = _with_velocity_from_position(gnss)
@@ -208,7 +213,7 @@ def _at_rest(
     part = slice(*np.searchsorted(imu.time, [rest[0], rest[1]], side="left"))
     level = level_from_gravity(imu.accel[part].mean(axis=0))
     gyro = imu.gyro[part]
-    block = max(int(round(imu.rate)), 1)
+    block = max(round(imu.rate), 1)
     count = gyro.shape[0] // block
     means = gyro[: count * block].reshape(count, block, 3).mean(axis=1)
     spread = float(means.std(axis=0, ddof=1).max()) if count > 1 else REST_GYRO
@@ -218,10 +223,14 @@ def _at_rest(
 
 def _still_model() -> SensorErrorModel:
     return SensorErrorModel(
-        channel=np.empty(0, dtype=np.int64), direction=np.empty((0, 3)),
-        drift=np.empty((0, 2)), diffusion=np.empty((0, 2)),
-        partner=np.empty(0, dtype=np.int64), initial_covariance=np.empty((0, 0)),
-        white_density=np.zeros(6), names=(),
+        channel=np.empty(0, dtype=np.int64),
+        direction=np.empty((0, 3)),
+        drift=np.empty((0, 2)),
+        diffusion=np.empty((0, 2)),
+        partner=np.empty(0, dtype=np.int64),
+        initial_covariance=np.empty((0, 0)),
+        white_density=np.zeros(6),
+        names=(),
     )
 
 
@@ -245,7 +254,10 @@ def dead_reckon(
         Position (n, 3), velocity (n, 3) and rotation (n, 3, 3) at every sample.
     """
     nothing = AidingSchedule(
-        np.empty(0), np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3)),
+        np.empty(0),
+        np.empty(0, dtype=np.int64),
+        np.empty((0, 3)),
+        np.empty((0, 3)),
         np.empty((0, 3)),
     )
     start = InitialState(position, velocity, rotation, np.empty(0), np.zeros((9, 9)))
@@ -379,7 +391,7 @@ def _align_in_motion(imu: ImuRecording, gnss: GnssRecording, offset: float) -> A
     turned = _attitude_history(window.gyro * step)
     force = np.cumsum(np.einsum("kij,kj->ki", turned, window.accel * step), axis=0)
     felt = np.column_stack([np.interp(epochs, window.time, force[:, i]) for i in range(3)])
-    span = max(1, int(round(MATCH_SPAN / float(np.median(np.diff(epochs))))))
+    span = max(1, round(MATCH_SPAN / float(np.median(np.diff(epochs)))))
     a = felt[span:] - felt[:-span]
     near = gnss.position[int(np.argmax(inside))]
     pull = np.array([0.0, 0.0, float(gravity(near[0], near[2]))])

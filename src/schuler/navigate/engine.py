@@ -196,7 +196,7 @@ def run_engine(
         accepted=np.zeros(u, dtype=np.bool_),
         row=np.zeros((used, 3, s)),
         gain=np.zeros((used, 3, s)),
-        scalar=np.zeros((used, 3, 2)),
+        scalar=np.zeros((u, 3, 2)),
     )
     nodes = NodeOutputs(
         time=np.zeros(k),
@@ -209,20 +209,52 @@ def run_engine(
         aid=np.zeros((kept, 2), dtype=np.int64),
     )
     likelihood, count, bad = run_filter(
-        imu.time, imu.gyro, imu.accel,
-        initial.position.copy(), initial.velocity.copy(),
+        imu.time,
+        imu.gyro,
+        imu.accel,
+        initial.position.copy(),
+        initial.velocity.copy(),
         np.ascontiguousarray(quaternion_from_dcm(initial.rotation)),
-        initial.sensor_state.copy(), initial.covariance.copy(),
-        model.channel, model.direction, model.drift, model.diffusion, model.partner,
-        model.white_density**2, np.empty((0, 6)) if white_scale is None else white_scale,
-        schedule.time, schedule.kind, schedule.value, schedule.variance, schedule.lever_arm,
-        gate, PATIENCE, LONGEST_STEP,
-        samples.position, samples.velocity, samples.rotation, samples.position_covariance,
-        samples.velocity_sd, samples.attitude_sd,
-        aiding.residual, aiding.deviation, aiding.nis, aiding.degrees, aiding.accepted,
-        node_interval, nodes.time, nodes.sensor_state, nodes.sensor_sd,
-        nodes.covariance, nodes.top, nodes.transition, nodes.error, nodes.aid,
-        aiding.row, aiding.gain, aiding.scalar,
+        initial.sensor_state.copy(),
+        initial.covariance.copy(),
+        model.channel,
+        model.direction,
+        model.drift,
+        model.diffusion,
+        model.partner,
+        model.white_density**2,
+        np.empty((0, 6)) if white_scale is None else white_scale,
+        schedule.time,
+        schedule.kind,
+        schedule.value,
+        schedule.variance,
+        schedule.lever_arm,
+        gate,
+        PATIENCE,
+        LONGEST_STEP,
+        samples.position,
+        samples.velocity,
+        samples.rotation,
+        samples.position_covariance,
+        samples.velocity_sd,
+        samples.attitude_sd,
+        aiding.residual,
+        aiding.deviation,
+        aiding.nis,
+        aiding.degrees,
+        aiding.accepted,
+        node_interval,
+        nodes.time,
+        nodes.sensor_state,
+        nodes.sensor_sd,
+        nodes.covariance,
+        nodes.top,
+        nodes.transition,
+        nodes.error,
+        nodes.aid,
+        aiding.row,
+        aiding.gain,
+        aiding.scalar,
     )
     if bad >= 0:
         raise NavigationError(
@@ -232,9 +264,6 @@ def run_engine(
             where=imu.name,
         )
     nodes = NodeOutputs(
-        **{
-            name: getattr(nodes, name)[:count]
-            for name in NodeOutputs.__dataclass_fields__
-        }
+        **{name: getattr(nodes, name)[:count] for name in NodeOutputs.__dataclass_fields__}
     )
     return FilterRun(samples=samples, aiding=aiding, nodes=nodes, log_likelihood=likelihood)

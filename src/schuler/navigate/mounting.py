@@ -63,7 +63,7 @@ def estimate_mounting(trajectory: Trajectory) -> MountingEstimate | None:
     speed = np.linalg.norm(trajectory.velocity, axis=1)
     step = float(np.median(np.diff(trajectory.time)))
     course = np.unwrap(np.arctan2(trajectory.velocity[:, 1], trajectory.velocity[:, 0]))
-    width = max(int(round(0.5 / step)), 1)
+    width = max(round(0.5 / step), 1)
     turn = np.zeros(trajectory.size)
     turn[width:] = np.abs(course[width:] - course[:-width]) / (width * step)
     straight = (speed > SLOWEST) & (turn < FASTEST_TURN)

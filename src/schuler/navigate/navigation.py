@@ -62,9 +62,7 @@ def generic_noise_model() -> NoiseModel:
     return NoiseModel(processes=processes, source="generic consumer MEMS, to be tuned")
 
 
-def withhold(
-    gnss: GnssRecording, windows: Sequence[tuple[float, float]]
-) -> GnssRecording:
+def withhold(gnss: GnssRecording, windows: Sequence[tuple[float, float]]) -> GnssRecording:
     """Return the recording without the epochs of the given windows.
 
     Parameters
@@ -125,14 +123,13 @@ def prepare(
     tuned = noise_model is None if tune_noise is None else tune_noise
     base = sensor_error_model(
         noise_model or generic_noise_model(),
-        turn_on_accel=turn_on_accel, turn_on_gyro=turn_on_gyro,
+        turn_on_accel=turn_on_accel,
+        turn_on_gyro=turn_on_gyro,
     )
     estimate = time_offset == "estimate"
     offsets = _given_offsets(time_offset, gnss)
     say("aligning")
-    start = align(
-        imu, gnss, velocity_offset=offsets.velocity, heading=heading, mounting=mounting
-    )
+    start = align(imu, gnss, velocity_offset=offsets.velocity, heading=heading, mounting=mounting)
     setup = RunSetup(base, NoiseFactors.none(), offsets, start, arm)
     if not (estimate or tuned):
         return imu, setup
@@ -148,8 +145,15 @@ def prepare(
         )
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
     found = tune(
-        imu, gnss, base, offsets=offsets, alignment=start, lever_arm=arm,
-        tune_noise=tuned, tune_offsets=estimate, progress=progress,
+        imu,
+        gnss,
+        base,
+        offsets=offsets,
+        alignment=start,
+        lever_arm=arm,
+        tune_noise=tuned,
+        tune_offsets=estimate,
+        progress=progress,
     )
     return imu, found.setup
 
@@ -187,8 +191,13 @@ def run(
     """
     schedule = setup.schedule(imu, gnss)
     result = run_engine(
-        imu, setup.initial_state(imu, gnss), setup.model, schedule,
-        gate=gate_thresholds(false_alarm), white_scale=white_scale, keep_nodes=smooth,
+        imu,
+        setup.initial_state(imu, gnss),
+        setup.model,
+        schedule,
+        gate=gate_thresholds(false_alarm),
+        white_scale=white_scale,
+        keep_nodes=smooth,
     )
     settings = setup.to_dict() | {
         "imu": imu.name,
@@ -201,15 +210,31 @@ def run(
     innovations = _innovations(schedule, result)
     nodes = result.nodes
     causal = _solution(
-        imu, result.samples, setup.model, nodes.time, nodes.sensor_state, nodes.sensor_sd,
-        innovations, settings, result.log_likelihood, smoothed=False,
+        imu,
+        result.samples,
+        setup.model,
+        nodes.time,
+        nodes.sensor_state,
+        nodes.sensor_sd,
+        innovations,
+        settings,
+        result.log_likelihood,
+        smoothed=False,
     )
     if not smooth:
         return NavigationRun(causal=causal, smoothed=None, setup=setup)
     back = smooth_run(result, setup.model, imu.time)
     smoothed = _solution(
-        imu, back.samples, setup.model, nodes.time, back.sensor_state, back.sensor_sd,
-        innovations, settings, result.log_likelihood, smoothed=True,
+        imu,
+        back.samples,
+        setup.model,
+        nodes.time,
+        back.sensor_state,
+        back.sensor_sd,
+        innovations,
+        settings,
+        result.log_likelihood,
+        smoothed=True,
     )
     return NavigationRun(causal=causal, smoothed=smoothed, setup=setup)
 
@@ -279,9 +304,17 @@ def navigate(
     """
     used = withhold(gnss, outages) if outages else gnss
     cut, setup = prepare(
-        imu, used, noise_model, lever_arm=lever_arm, heading=heading, mounting=mounting,
-        time_offset=time_offset, tune_noise=tune_noise, turn_on_accel=turn_on_accel,
-        turn_on_gyro=turn_on_gyro, progress=progress,
+        imu,
+        used,
+        noise_model,
+        lever_arm=lever_arm,
+        heading=heading,
+        mounting=mounting,
+        time_offset=time_offset,
+        tune_noise=tune_noise,
+        turn_on_accel=turn_on_accel,
+        turn_on_gyro=turn_on_gyro,
+        progress=progress,
     )
     if progress is not None:
         progress("filtering")

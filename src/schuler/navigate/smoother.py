@@ -70,8 +70,19 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     position = np.empty((count, 3, 3))
     variance = np.empty((count, s))
     smooth_nodes(
-        count, nodes.covariance, nodes.top, nodes.transition, nodes.aid, model.partner,
-        aiding.accepted, aiding.row, aiding.gain, aiding.scalar, error, position, variance,
+        count,
+        nodes.covariance,
+        nodes.top,
+        nodes.transition,
+        nodes.aid,
+        model.partner,
+        aiding.accepted,
+        aiding.row,
+        aiding.gain,
+        aiding.scalar,
+        error,
+        position,
+        variance,
     )
     sd = np.sqrt(variance)
     before = np.clip(np.searchsorted(nodes.time, time, side="right") - 1, 0, count - 2)

@@ -6,8 +6,13 @@ they were most likely. At the full rate of GNSS the likelihood hardly feels what
 through an outage, so the same drive is filtered again with GNSS thinned to one fix in 2, 5 and
 10 s, and the likelihoods are added.
 
+The maximum is found by Fisher scoring on the scalar innovations and their variances, which also
+tells how well each parameter is known. Innovations beyond four standard deviations count with a
+Cauchy tail, so that a few bad fixes do not pass for noise.
+
 References: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation,
-section 5.4; spec 7.9.
+section 5.4; Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, section
+3.4 (scoring); spec 7.9.
 """
 
 from __future__ import annotations
@@ -33,10 +38,15 @@ THINNING = (0.0, 2.0, 5.0, 10.0)
 PRIOR_SD = 1.5
 # slowest IMU rate used while tuning (Hz)
 TUNING_RATE = 20.0
-# one unit of the optimiser in time offset (s)
+# one unit of the search in time offset (s)
 OFFSET_UNIT = 0.01
-# the optimiser ends when a step gains less than this many nepers of likelihood
-TOLERANCE = 0.1
+# step of the numerical derivatives, in nepers and offset units
+DERIVATIVE_STEP = 1e-2
+# the search ends when a step promises less than this gain of log-likelihood
+TOLERANCE = 0.05
+LONGEST_SEARCH = 30
+# innovations beyond this many standard deviations count with a Cauchy tail
+OUTLYING = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,9 +62,12 @@ class Tuning:
     gain : float
         By how much it rose above the start.
     evaluations : int
-        Filter runs times thinnings.
+        How often the whole drive was filtered with all thinnings.
     converged : bool
-        Whether the optimiser ended by itself.
+        Whether the search ended by itself.
+    standard_errors : dict of str to float
+        By parameter, in nepers, offsets in s; they take innovations as independent between the
+        thinnings and are therefore somewhat small.
     """
 
     setup: RunSetup
@@ -62,6 +75,7 @@ class Tuning:
     gain: float
     evaluations: int
     converged: bool
+    standard_errors: dict[str, float]
 
 
 def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
@@ -82,7 +96,7 @@ def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
     ImuRecording
         At `rate` or faster; the same recording if it is slow enough.
     """
-    group = int(imu.rate / rate)
+    group = int(imu.rate / rate + 1e-6)
     if group < 2:
         return imu
     count = (imu.size - 1) // group
@@ -95,8 +109,12 @@ def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
         return np.concatenate([values[:1], sums / span])
 
     return replace(
-        imu, time=imu.time[:stop:group], gyro=mean(imu.gyro), accel=mean(imu.accel),
-        temperature=None, history=(*imu.history, f"means of {group} samples"),
+        imu,
+        time=imu.time[:stop:group],
+        gyro=mean(imu.gyro),
+        accel=mean(imu.accel),
+        temperature=None,
+        history=(*imu.history, f"means of {group} samples"),
     )
 
 
@@ -159,33 +177,66 @@ def velocity_lag(gnss: GnssRecording) -> float:
     return lag if abs(lag) > 3.0 * sd and abs(lag) < 1.0 else 0.0
 
 
-def log_likelihood(
+@dataclass(frozen=True, slots=True, eq=False)
+class InnovationSequence:
+    """Scalar innovations (k,) and their claimed variances (k,), over one or several runs."""
+
+    value: FloatArray
+    variance: FloatArray
+
+    @property
+    def log_likelihood(self) -> float:
+        """Robust log-likelihood: Gaussian, with a Cauchy tail beyond `OUTLYING`."""
+        square = self.value**2 / self.variance
+        limit = OUTLYING**2
+        tail = limit * (1.0 + np.log(np.maximum(square, limit) / limit))
+        cost = np.where(square > limit, tail, square) + np.log(2.0 * np.pi * self.variance)
+        return float(-0.5 * cost.sum())
+
+    @property
+    def weight(self) -> FloatArray:
+        """Derivative of the cost by the normalised square: 1, and less in the tail."""
+        square = self.value**2 / self.variance
+        return np.minimum(1.0, OUTLYING**2 / np.maximum(square, 1e-300))
+
+
+def innovations(
     imu: ImuRecording, gnss: Sequence[GnssRecording], setup: RunSetup
-) -> float:
-    """Sum of the innovations' log-likelihoods over several thinnings of GNSS.
+) -> InnovationSequence:
+    """Filter a drive once for every thinning of GNSS and gather the innovations.
 
     Parameters
     ----------
     imu : ImuRecording
         The run.
     gnss : sequence of GnssRecording
-        The same drive, thinned.
+        The same drive, thinned; the first one gives the start.
     setup : RunSetup
         To be judged.
 
     Returns
     -------
-    float
-        Natural logarithm; minus infinity where the filter failed.
+    InnovationSequence
+        In the order of the thinnings, then of time.
     """
-    total = 0.0
-    for fixes in gnss:
-        run = run_engine(
-            imu, setup.initial_state(imu, gnss[0]), setup.model, setup.schedule(imu, fixes),
-            gate=gate_thresholds(0.0), keep_samples=False, keep_nodes=False, node_interval=1e9,
-        )
-        total += run.log_likelihood
-    return total
+    initial = setup.initial_state(imu, gnss[0])
+    gate = gate_thresholds(0.0)
+    scalars = [
+        run_engine(
+            imu,
+            initial,
+            setup.model,
+            setup.schedule(imu, fixes),
+            gate=gate,
+            keep_samples=False,
+            keep_nodes=False,
+            node_interval=1e9,
+        ).aiding.scalar
+        for fixes in gnss
+    ]
+    flat = np.concatenate([s.reshape(-1, 2) for s in scalars])
+    used = flat[:, 1] > 0.0
+    return InnovationSequence(flat[used, 0], flat[used, 1])
 
 
 def find_time_offset(
@@ -212,7 +263,7 @@ def find_time_offset(
 
     def value(shift: float) -> float:
         offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
-        return log_likelihood(imu, [gnss], replace(setup, offsets=offsets))
+        return innovations(imu, [gnss], replace(setup, offsets=offsets)).log_likelihood
 
     shifts = np.arange(-reach, reach + 0.05, 0.1)
     values = np.array([value(s) for s in shifts])
@@ -268,8 +319,6 @@ def tune(
     EstimationError
         Too few epochs, or a likelihood that cannot be evaluated.
     """
-    from scipy.optimize import minimize
-
     if gnss.size < 20:
         raise EstimationError(
             f"only {gnss.size} GNSS epochs to tune with",
@@ -281,44 +330,100 @@ def tune(
     thinned = [g for g in thinned if g.size >= 10]
     start = RunSetup(base, NoiseFactors.none(), offsets, alignment, lever_arm)
     names = _free_parameters(gnss, tune_noise, tune_offsets)
+    prior = np.array([0.0 if "offset" in n else PRIOR_SD**-2 for n in names])
     calls = 0
 
-    def setup_of(x: FloatArray) -> RunSetup:
-        return _setup_at(dict(zip(names, x, strict=True)), start, base)
-
-    def cost(x: FloatArray) -> float:
+    def evaluate(x: FloatArray) -> InnovationSequence:
         nonlocal calls
         calls += 1
-        if progress is not None and calls % 50 == 0:
-            progress(f"tuning: {calls} runs of the filter")
-        prior = sum(
-            (v / PRIOR_SD) ** 2 for n, v in zip(names, x, strict=True) if "offset" not in n
-        )
-        return 0.5 * prior - log_likelihood(slow, thinned, setup_of(x))
+        if progress is not None and calls % 10 == 0:
+            progress(f"tuning: the drive filtered {calls} times")
+        return innovations(slow, thinned, _setup_at(dict(zip(names, x, strict=True)), start, base))
 
-    first = cost(np.zeros(len(names)))
-    if not np.isfinite(first):
+    x, best, gain, converged, information = _score(evaluate, prior)
+    sd = np.sqrt(np.diag(np.linalg.pinv(information)))
+    unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
+    return Tuning(
+        setup=_setup_at(dict(zip(names, x, strict=True)), start, base),
+        log_likelihood=best,
+        gain=gain,
+        evaluations=calls,
+        converged=converged,
+        standard_errors=dict(zip(names, (sd * unit).tolist(), strict=True)),
+    )
+
+
+def _score(
+    evaluate: Callable[[FloatArray], InnovationSequence], prior: FloatArray
+) -> tuple[FloatArray, float, float, bool, FloatArray]:
+    """Fisher scoring with a damped step. Harvey, section 3.4.
+
+    Returns the parameters, the penalised log-likelihood, its gain, whether the search ended by
+    itself, and the information matrix.
+    """
+    count = prior.size
+    x = np.zeros(count)
+
+    def value(sequence: InnovationSequence, at: FloatArray) -> float:
+        return sequence.log_likelihood - 0.5 * float(at @ (prior * at))
+
+    now = evaluate(x)
+    best = first = value(now, x)
+    if not np.isfinite(best):
         raise EstimationError(
             "the likelihood of the drive cannot be evaluated",
             cure="check units, axes and time of IMU and GNSS",
         )
-    found = minimize(
-        cost, np.zeros(len(names)), method="L-BFGS-B",
-        bounds=[(-30.0, 30.0) if "offset" in n else (-6.0, 6.0) for n in names],
-        options={"maxiter": 40, "eps": 1e-2, "ftol": TOLERANCE / max(abs(first), 1.0)},
-    )
-    return Tuning(
-        setup=setup_of(found.x),
-        log_likelihood=-float(found.fun),
-        gain=float(first - found.fun),
-        evaluations=calls * len(thinned),
-        converged=bool(found.success),
-    )
+    damping = 0.0
+    information = np.diag(prior)
+    for _ in range(LONGEST_SEARCH):
+        gradient, information = _derivatives(evaluate, x, now, prior)
+        while True:
+            damped = information + damping * np.diag(np.diag(information) + 1e-12)
+            step = np.clip(np.linalg.solve(damped, gradient), -2.0, 2.0)
+            if 0.5 * float(gradient @ step) < TOLERANCE:
+                return x, best, best - first, True, information
+            trial = evaluate(x + step)
+            there = value(trial, x + step)
+            if np.isfinite(there) and there > best:
+                break
+            damping = max(4.0 * damping, 0.1)
+            if damping > 1e6:
+                return x, best, best - first, False, information
+        damping = 0.0 if damping < 0.2 else 0.25 * damping
+        small = there - best < TOLERANCE
+        x, now, best = x + step, trial, there
+        if small:
+            return x, best, best - first, True, information
+    return x, best, best - first, False, information
 
 
-def _free_parameters(
-    gnss: GnssRecording, tune_noise: bool, tune_offsets: bool
-) -> tuple[str, ...]:
+def _derivatives(
+    evaluate: Callable[[FloatArray], InnovationSequence],
+    x: FloatArray,
+    now: InnovationSequence,
+    prior: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Gradient and expected information of the penalised log-likelihood."""
+    count = x.size
+    root = np.sqrt(now.variance)
+    z = now.value / root
+    weight = now.weight
+    gradient = -prior * x
+    shift = np.empty((z.size, count))
+    spread = np.empty((z.size, count))
+    for k in range(count):
+        moved = x.copy()
+        moved[k] += DERIVATIVE_STEP
+        there = evaluate(moved)
+        shift[:, k] = (there.value - now.value) / root / DERIVATIVE_STEP
+        spread[:, k] = np.log(there.variance / now.variance) / DERIVATIVE_STEP
+    gradient -= shift.T @ (weight * z) + 0.5 * spread.T @ (1.0 - weight * z**2)
+    information = shift.T @ shift + 0.5 * spread.T @ spread + np.diag(prior)
+    return gradient, information
+
+
+def _free_parameters(gnss: GnssRecording, tune_noise: bool, tune_offsets: bool) -> tuple[str, ...]:
     names: list[str] = []
     if tune_noise:
         names += [f"white {c}" for c in range(6)]
