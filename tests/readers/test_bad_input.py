@@ -40,7 +40,7 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "text in time": (lines(cell(40, 0, "late")), ("line 42", "time_s", "'late'")),
     "two points in a number": (lines(cell(5, 6, "9.8.1")), ("line 7", "accel_z_m_s2", "'9.8.1'")),
     "nan": (lines(cell(40, 2, "nan")), ("line 42", "gyro_y_rad_s", "repair=True")),
-    "nothing in a cell": (lines(cell(40, 2, "")), ("line 42", "gyro_y_rad_s", "1 rows")),
+    "nothing in a cell": (lines(cell(40, 2, "")), ("line 42", "gyro_y_rad_s", "1 of 100 rows")),
     "infinite": (lines(cell(40, 2, "inf")), ("line 42", "gyro_y_rad_s")),
     "time backwards": (lines(cell(40, 0, "0.11")), ("line 42", "time goes backwards", "0.39")),
     "time repeated": (lines(cell(40, 0, "0.39")), ("line 42", "time repeats", "repair=True")),

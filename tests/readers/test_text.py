@@ -316,3 +316,37 @@ def test_damaged_text_gives_a_recording_or_one_clear_line(tmp_path: Path) -> Non
             assert str(path) in str(error)
             assert "\n" not in str(error)
     assert min(outcomes.values()) > 30
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        (
+            "timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],"
+            "accelerometer_m_s2[0],accelerometer_m_s2[1],accelerometer_m_s2[2]",
+            1e6,
+        ),
+        (
+            "%time,field.angular_velocity.x,field.angular_velocity.y,field.angular_velocity.z,"
+            "field.linear_acceleration.x,field.linear_acceleration.y,field.linear_acceleration.z",
+            1e6,
+        ),
+        (
+            "SampleTimeFine,Gyr_X,Gyr_Y,Gyr_Z,Acc_X,Acc_Y,Acc_Z",
+            1e6,
+        ),
+        (
+            '"Time (us)","Gyroscope x (rad/s)","Gyroscope y (rad/s)","Gyroscope z (rad/s)",'
+            '"Acceleration x (m/s^2)","Acceleration y (m/s^2)","Acceleration z (m/s^2)"',
+            1e6,
+        ),
+    ],
+)
+def test_headers_of_other_makers(tmp_path: Path, header: str, unit: float) -> None:
+    """PX4's ulog2csv, rostopic echo -p, Xsens, phyphox."""
+    values = table()
+    stored = values.copy()
+    stored[:, 0] *= unit
+    path = write(tmp_path / "a.csv", stored, header)
+    how = {"columns": {"time": "SampleTimeFine"}} if "Fine" in header else {}
+    same(read_imu(path, time_unit="us", **how), values)

@@ -184,7 +184,7 @@ def _usable(
     bad = ~np.isfinite(time) | ~np.isfinite(position).all(axis=1)
     if bad.any() and not options.repair:
         raise InputError(
-            f"{int(bad.sum())} epochs have no time or no position",
+            f"no time or no position in {int(bad.sum())} of {bad.size} epochs",
             expected="a number in every row",
             cure="read it with repair=True to leave these epochs out",
             where=table.source.place(int(np.argmax(bad))),

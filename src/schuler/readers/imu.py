@@ -301,7 +301,7 @@ def _usable_rows(
         role, one = first
         row = int(np.argmax(one))
         raise InputError(
-            f"{int(bad.sum())} rows hold NaN or no value",
+            f"NaN or no value in {int(bad.sum())} of {bad.size} rows",
             expected="a number in every row",
             cure="read it with repair=True to leave these rows out",
             where=source.place(int(rows[row]), chosen[role].name),

@@ -49,7 +49,7 @@ _TIMES = (
     "timeutc",
     "timegps",
     "gpstime",
-    "towi",
+    "itow",
     "gpstow",
     "tow",
     "sow",
@@ -103,6 +103,7 @@ GNSS_ROLES: dict[str, str] = {
     "quality": r"q|quality|fixquality|fixtype|fix",
 }
 _BRACKET = re.compile(r"^(?P<name>.*?)[\s_]*[\[(](?P<unit>[^\])]*(?:\([^)]*\))?[^\])]*)[\])]\s*$")
+_NUMBERED = re.compile(r"^(?P<name>.*)\[(?P<axis>[012])\]$")
 _INDEXED = re.compile(r"^(?:imu|sensor)_?(?P<imu>\d+)[_. ]?(?P<rest>.*)$", re.I)
 _MEASURES = ("angular rate", "acceleration", "angle", "velocity", "length", "time")
 
@@ -139,6 +140,11 @@ def split_unit(name: str) -> tuple[str, str]:
     tuple of str
         Bare name and unit; the unit is empty when there is none.
     """
+    match = _NUMBERED.match(name)
+    if match:
+        stem, unit = split_unit(match["name"])
+        # PX4 writes gyro_rad[0] for an angular rate in rad/s.
+        return f"{stem}_{'xyz'[int(match['axis'])]}", "rad/s" if unit == "rad" else unit
     match = _BRACKET.match(name)
     if match and (_is_unit(match["unit"]) or not match["unit"]):
         return match["name"].strip(), match["unit"].strip()
@@ -216,7 +222,7 @@ def find_columns(
 
 def _short(text: str) -> str:
     """Drop words that makers put before or behind the sensor: 'imugyrox', 'gyroxraw'."""
-    text = re.sub(r"^(?:imu|sensor|body|raw)(?=(?:gyr|acc|ang|lin|omega))", "", text)
+    text = re.sub(r"^(?:field|imu|sensor|body|raw)+(?=(?:gyr|acc|ang|lin|omega))", "", text)
     return re.sub(r"(?<=[xyz])(?:raw|uncal|calibrated|cal)$", "", text)
 
 
