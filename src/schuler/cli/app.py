@@ -59,7 +59,7 @@ def run(arguments: Sequence[str]) -> int:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
             code = app(
-                list(arguments),
+                _joined(arguments),
                 exit_on_error=False,
                 print_error=False,
                 result_action="return_value",
@@ -87,6 +87,17 @@ def run(arguments: Sequence[str]) -> int:
             raise
         say(f"a bug in schuler: {type(error).__name__}: {error}; SCHULER_DEBUG=1 shows where")
         return BUG
+
+
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """Join `--json -` to `--json=-`, which cannot be taken for an option without a value."""
+    joined: list[str] = []
+    for argument in arguments:
+        if argument == "-" and joined and joined[-1] == "--json":
+            joined[-1] = "--json=-"
+        else:
+            joined.append(argument)
+    return joined
 
 
 def _bad_input(message: str, arguments: Sequence[str] = ()) -> int:

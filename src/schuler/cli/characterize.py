@@ -57,7 +57,7 @@ def characterize(
     reading : ImuReading, optional
         How to read the file.
     """
-    from schuler.characterize.screening import repair as repaired
+    from schuler.characterize.screening import repair as repair_recording
     from schuler.characterize.screening import screen
     from schuler.cli.console import Screen, say
     from schuler.cli.loading import load_imu, say_if_compiling
@@ -71,7 +71,7 @@ def characterize(
     with progress("Screening"):
         screening = screen(imu)
         if repair:
-            imu = repaired(imu, screening, close_up=True)
+            imu = repair_recording(imu, screening, close_up=True)
     with progress("Fitting the noise of every channel"):
         from schuler.identify import characterize_imu
 
@@ -109,6 +109,8 @@ def show_characterization(
     result: ImuCharacterization,
     screening: Screening,
     written: tuple[Path, ...] = (),
+    *,
+    repaired: bool = False,
 ) -> None:
     """Print the noise model and what to think of it.
 
@@ -122,6 +124,8 @@ def show_characterization(
         What is wrong with the recording.
     written : tuple of Path
         Files that were written.
+    repaired : bool
+        What the screening saw has been repaired.
     """
     from schuler.report.sections.parameters import parameter_rows
 
@@ -135,5 +139,7 @@ def show_characterization(
         screen.finding(finding.severity, finding.message)
     if len(serious) > MOST_FINDINGS:
         screen.line(f"... and {len(serious) - MOST_FINDINGS} more (see the report)", "dim")
+    if screening.disturbed and not repaired:
+        screen.line("--repair cuts out knocks and outliers before the fit.", "dim")
     for path in written:
         screen.line(f"wrote {path}", "dim")

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
+PIPE_WIDTH = 160
+"""Columns when nobody watches: wide enough that no cell is broken."""
+
 
 def printable(text: str) -> str:
     """Return one line of text without characters that steer a terminal.
@@ -77,7 +80,9 @@ class Screen:
     def __init__(self, *, json_on_stdout: bool = False) -> None:
         from rich.console import Console
 
-        self.console: Console = Console(stderr=json_on_stdout, highlight=False, soft_wrap=False)
+        self.console: Console = Console(stderr=json_on_stdout, highlight=False)
+        if not self.console.is_terminal:
+            self.console = Console(stderr=json_on_stdout, highlight=False, width=PIPE_WIDTH)
 
     def heading(self, text: str, detail: str = "") -> None:
         """Print a heading with a quieter detail behind it.
@@ -93,7 +98,7 @@ class Screen:
         if detail:
             line.append("  ").append_text(plain_text(detail, "dim"))
         self.console.print()
-        self.console.print(line)
+        self.console.print(line, soft_wrap=True)
 
     def line(self, text: str, style: str = "") -> None:
         """Print one paragraph.
@@ -105,7 +110,7 @@ class Screen:
         style : str
             A style of rich.
         """
-        self.console.print(plain_text(text, style))
+        self.console.print(plain_text(text, style), soft_wrap=True)
 
     def finding(self, severity: str, text: str) -> None:
         """Print one finding with a mark that tells how much it matters.
@@ -123,8 +128,16 @@ class Screen:
             "warning": ("!", "yellow"),
             "error": ("!!", "bold red"),
         }.get(severity, ("-", ""))
-        line = plain_text(f"{mark:>2} ", style)
-        self.console.print(line.append(" ").append_text(plain_text(text)))
+        if not self.console.is_terminal:
+            self.console.print(plain_text(f"{mark} {text}"), soft_wrap=True)
+            return
+        from rich.table import Table
+
+        grid = Table.grid(padding=(0, 1))
+        grid.add_column(width=2, justify="right")
+        grid.add_column()
+        grid.add_row(plain_text(mark, style), plain_text(text))
+        self.console.print(grid)
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> None:
         """Print a table.

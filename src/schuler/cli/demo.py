@@ -208,7 +208,7 @@ def _static_part(
         screening.require_usable()
         recording = repair(material.static, screening, close_up=True)
         result = characterize_imu(recording)
-    show_characterization(screen, result, screening)
+    show_characterization(screen, result, screening, repaired=True)
     sections += [result, screening, recording]
     model = result.noise_model
     kalibr = kalibr_yaml(model, rate=recording.rate, topic="/imu0")

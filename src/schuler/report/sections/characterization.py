@@ -80,7 +80,23 @@ def characterization_sections(result: ImuCharacterization) -> tuple[Section, ...
     in_si = Table("The same in SI", columns, rows, words=(0, 1, 2), folded=True)
     findings = Findings(tuple(Finding("info", text) for text in result.findings))
     blocks = (facts, findings, _curves(found), table, in_si, _verdicts(found), _slopes(found))
-    return (Section("Noise", blocks, result.findings[:4]),)
+    return (Section("Noise", blocks, (*_headlines(result), *result.findings[:1])),)
+
+
+def _headlines(result: ImuCharacterization) -> tuple[str, ...]:
+    """Return the white noise of each sensor in one sentence."""
+    sentences = []
+    for sensor, words in (("gyro", "gyros"), ("accel", "accelerometers")):
+        unit = kind_of(f"{sensor} white noise").datasheet
+        values = {
+            c[-1]: found.parameters["white_noise.density"] / scale(unit, f"{sensor} white noise")
+            for c, found in result.channels.items()
+            if c.startswith(sensor) and "white_noise.density" in found.parameters
+        }
+        if values:
+            axes = ", ".join(f"{number(v)} ({a})" for a, v in values.items())
+            sentences.append(f"White noise of the {words}: {axes} {pretty(unit)}.")
+    return tuple(sentences)
 
 
 def _enough(result: ImuCharacterization) -> str:
