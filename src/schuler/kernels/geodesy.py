@@ -26,7 +26,9 @@ def gravity_down(sine: float, height: float) -> float:
     Groves (2.134) for the ellipsoid; (2.139) for the height.
     """
     s2 = sine * sine
-    surface = 9.7803253359 * (1.0 + 0.001931853 * s2) / math.sqrt(1.0 - 6.69437999014e-3 * s2)
+    surface = (
+        9.7803253359 * (1.0 + 0.0019318526565863525 * s2) / math.sqrt(1.0 - 6.69437999014e-3 * s2)
+    )
     ratio = height / 6378137.0
     slope = 1.0 + 3.35281066475e-3 * (1.0 - 2.0 * s2) + 3.449786506841e-3
     return surface * (1.0 - 2.0 * slope * ratio + 3.0 * ratio * ratio)
