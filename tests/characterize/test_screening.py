@@ -131,6 +131,15 @@ def test_coarse_quantisation_is_no_repetition_and_its_grid_is_found() -> None:
     assert screen(imu).of_kind("grid") == ()
 
 
+def test_noise_below_the_grid_is_no_knock() -> None:
+    imu = static()
+    step = 0.02  # five times the noise: hardly ever a step, and then one only
+    screening = screen(replace(imu, gyro=np.round(imu.gyro / step) * step))
+    assert screening.static
+    assert screening.disturbed == ()
+    assert kinds(screening, "warning") == set()
+
+
 def test_saturation_is_found_on_its_axis_only() -> None:
     imu = moving()
     gyro = imu.gyro.copy()

@@ -350,3 +350,22 @@ def test_headers_of_other_makers(tmp_path: Path, header: str, unit: float) -> No
     path = write(tmp_path / "a.csv", stored, header)
     how = {"columns": {"time": "SampleTimeFine"}} if "Fine" in header else {}
     same(read_imu(path, time_unit="us", **how), values)
+
+
+def test_date_and_time_of_day(tmp_path: Path) -> None:
+    path = tmp_path / "gnss.csv"
+    rows = "\n".join(f"2025/07/08,19:34:{k:02d}.50,48.0,11.0,500" for k in range(5))
+    path.write_text("Date,Time,Lat,Lon,Alt\n" + rows + "\n", encoding="utf-8")
+    gnss = read_gnss(path)
+    assert gnss.time[0] == pytest.approx(20277 * 86400 + 19 * 3600 + 34 * 60 + 0.5, abs=1e-6)
+    assert np.diff(gnss.time) == pytest.approx(1.0, abs=1e-6)
+    rows = "\n".join(f"19:34:{k:02d}.50,48.0,11.0,500" for k in range(5))
+    path.write_text("Time,Lat,Lon,Alt\n" + rows + "\n", encoding="utf-8")
+    gnss = read_gnss(path)
+    assert gnss.time[1] == pytest.approx(19 * 3600 + 34 * 60 + 1.5)
+    assert "seconds of the day" in " ".join(gnss.history)
+    shifted = read_gnss(path, time_offset=-18.0)
+    assert shifted.time == pytest.approx(gnss.time - 18.0)
+    assert "-18.000000 s added to time" in shifted.history
+    imu = read_imu(write(tmp_path / "imu.csv", table(), ",".join(NAMES)), time_offset=2.5)
+    assert imu.time[0] == 2.5

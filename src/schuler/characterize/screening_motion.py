@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.characterize.screening import Finding
+from schuler.characterize.screening_values import grid_step
 from schuler.data import ImuRecording
 from schuler.data._checks import FloatArray
 
@@ -17,6 +18,7 @@ _BLOCK = 10.0  # s over which a slowly moving bias may be taken as constant
 _KNOCK = 8.0  # robust standard deviations
 _TAIL = 4.0
 _HEAVY = 5e-3  # share beyond _TAIL; a normal distribution has 6.3e-5
+_FOR_GRID = 20_000  # samples that suffice to see the grid
 _MERGE = 2.0  # s between disturbed samples that belong to one knock
 _PAD = 0.25  # s cut on either side of a knock
 
@@ -143,8 +145,10 @@ def look_for_knocks(
     for name in imu.channels:
         deviation = _deviation(imu.channel(name), block)
         scale = 1.4826 * float(np.median(deviation))
-        if scale == 0.0:  # most samples lie on one step of the grid
-            scale = float(deviation.mean()) or np.inf
+        # On a coarse grid most deviations are zero; two steps of it are no knock.
+        scale = max(scale, 0.3 * grid_step(imu.channel(name)[:_FOR_GRID]))
+        if scale == 0.0:
+            continue
         tail = float(np.count_nonzero(deviation > _TAIL * scale)) / imu.size
         if tail > _HEAVY and _spread_evenly(deviation > _KNOCK * scale, block):
             text = (

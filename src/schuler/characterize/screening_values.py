@@ -188,7 +188,7 @@ def grids(imu: ImuRecording) -> list[Finding]:
     """
     steps: dict[str, float] = {}
     for name in imu.channels:
-        step = _grid(imu.channel(name)[:_MANY])
+        step = grid_step(imu.channel(name)[:_MANY])
         if step:
             steps[name] = step
     found = []
@@ -204,9 +204,21 @@ def grids(imu: ImuRecording) -> list[Finding]:
     return found
 
 
-def _grid(signal: FloatArray) -> float:
+def grid_step(signal: FloatArray) -> float:
+    """Return the step of quantisation of a signal.
+
+    Parameters
+    ----------
+    signal : (n,) ndarray
+        Some ten thousand samples suffice.
+
+    Returns
+    -------
+    float
+        Distance of neighbouring values, or 0 when they lie on no grid that can be seen.
+    """
     values = np.unique(signal)
-    if values.size < 3 or values.size > 0.3 * signal.size:
+    if values.size < 2 or values.size > 0.3 * signal.size:
         return 0.0
     difference = np.diff(values)
     noise = 1e-9 * float(np.abs(values).max())

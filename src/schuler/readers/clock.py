@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,12 @@ RATE_FROM_README = "sampling rate taken from"
 
 # A count since 1970 tells its unit by its size: 1e8 s is 1973, 1e10 s is 2286.
 _EPOCH_UNITS = ((1e17, 1e19, "ns"), (1e14, 1e16, "us"), (1e11, 1e13, "ms"), (1e8, 1e10, "s"))
+_TIME_OF_DAY = re.compile(r"\d\d?:\d\d:\d\d(?:[.,]\d+)?\s*Z?")
 _HERTZ = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)\s*Hz\b")
 
 
 def time_axis(
-    source: Source, column: Column, columns: Columns, week: Column | None, time_unit: str | None
+    source: Source, chosen: Mapping[str, Column], columns: Columns, time_unit: str | None
 ) -> tuple[FloatArray, list[str]]:
     """Return the time stamps of a file in seconds.
 
@@ -31,12 +33,11 @@ def time_axis(
     ----------
     source : Source
         The file.
-    column : Column
-        Its column of time.
+    chosen : mapping of str to Column
+        Its columns by role: time, perhaps the date of a time of day, perhaps the GPS week of
+        seconds of week, which then run on across the end of the week.
     columns : dict of str to (n,) ndarray
         What was loaded.
-    week : Column or None
-        Column of GPS weeks, which makes seconds of week run on across a week's end.
     time_unit : str or None
         Unit given by the user.
 
@@ -52,7 +53,16 @@ def time_axis(
     InputError
         Dates that are not understood, or 32-bit floats too coarse for the rate.
     """
+    column, week = chosen["time"], chosen.get("week")
     values = columns[column.name]
+    if values.dtype.kind in "US" and values.size and _TIME_OF_DAY.fullmatch(values[0].strip()):
+        date = chosen.get("date")
+        if date is None or columns[date.name].dtype.kind not in "US":
+            seconds = _dates(source, column, np.char.add("1970-01-01 ", np.char.strip(values)))
+            return seconds, [f"time from time of day in '{column.name}', as seconds of the day"]
+        joined = np.char.add(np.char.add(np.char.strip(columns[date.name]), " "), values)
+        note = f"time from '{date.name}' and '{column.name}'"
+        return _dates(source, column, joined), [note]
     if values.dtype.kind in "US":
         return _dates(source, column, values), [f"time from dates in '{column.name}'"]
     _check_resolution(source, column, values)
@@ -115,6 +125,33 @@ def _check_resolution(source: Source, column: Column, values: Any) -> None:
 def _epoch_unit(values: Any) -> str:
     size = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
     return next((unit for low, high, unit in _EPOCH_UNITS if low < size < high), "s")
+
+
+def shifted(time: FloatArray, offset: float) -> tuple[FloatArray, list[str]]:
+    """Return time moved by an offset that the user gave.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        Seconds.
+    offset : float
+        Seconds added.
+
+    Returns
+    -------
+    time : (n,) ndarray
+        The same array when the offset is zero.
+    history : list of str
+        What was done.
+
+    Raises
+    ------
+    InputError
+        The offset is not finite.
+    """
+    if not np.isfinite(offset):
+        raise InputError(f"time_offset is {offset}", expected="a finite number of seconds")
+    return (time + offset, [f"{offset:+.6f} s added to time"]) if offset else (time, [])
 
 
 def even_axis(source: Source, rows: int, rate: float | None) -> tuple[FloatArray, list[str]]:

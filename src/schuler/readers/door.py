@@ -36,6 +36,8 @@ def read_imu(path: str | Path, **how: Any) -> ImuRecording:
         gyro_x.., accel_x.., angle_step_x.., velocity_step_x.., temperature, imu.
     time_unit, gyro_unit, accel_unit : str, optional
         Units, such as ``"ms"``, ``"deg/s"``, ``"mg"``; they count more than those in the file.
+    time_offset : float, optional
+        Seconds added to the time, to bring IMU and GNSS onto one axis.
     rate : float, optional
         Sampling rate in Hz for files without time; a column of time is then not used.
     increments : bool, optional
@@ -121,6 +123,8 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
         position_sd, velocity_sd, horizontal_accuracy, vertical_accuracy; quality.
     time_unit, angle_unit : str, optional
         Units of time and of latitude and longitude (default: degrees).
+    time_offset : float, optional
+        Seconds added to the time, to bring IMU and GNSS onto one axis.
     rate : float, optional
         Rate in Hz for files without time.
     delimiter, decimal, comment, skip_lines, header : optional

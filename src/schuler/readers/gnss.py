@@ -10,7 +10,7 @@ from schuler import units
 from schuler.data import GnssRecording
 from schuler.data._checks import FloatArray
 from schuler.errors import InputError
-from schuler.readers.clock import check_steps, even_axis, time_axis
+from schuler.readers.clock import check_steps, even_axis, shifted, time_axis
 from schuler.readers.names import GNSS_ROLES, Column, missing
 from schuler.readers.options import ReadOptions, choose_columns, unit_of
 from schuler.readers.source import Columns, Source
@@ -84,16 +84,19 @@ def gnss_recording(source: Source, options: ReadOptions) -> GnssRecording:
     """
     chosen = choose_columns(source, source.names, GNSS_ROLES, options)
     _check_position(source, chosen, options)
-    chosen = {r: c for r, c in chosen.items() if r == "time" or not source.is_text(c.name)}
+    chosen = {
+        r: c for r, c in chosen.items() if r in ("time", "date") or not source.is_text(c.name)
+    }
     columns = source.load(tuple(dict.fromkeys(c.name for c in chosen.values())))
     table = _Table(source, chosen, columns)
     position = _position(table, options)
-    time, history = _time(table, position.shape[0], options)
+    time, notes = _time(table, position.shape[0], options)
+    time, moved = shifted(time, options.time_offset)
     keep, dropped = _usable(table, time, position, options)
     velocity, velocity_sd = _velocity(table)
     position_sd = _position_sd(table)
     quality = _quality(table)
-    history += table.notes + dropped
+    history = notes + moved + table.notes + dropped
     rows = np.arange(time.size)[keep]
     if "time" in chosen and options.rate is None:
         named = bool(options.time_unit or chosen["time"].unit)
@@ -144,8 +147,7 @@ def _check_position(source: Source, chosen: dict[str, Column], options: ReadOpti
 
 def _time(table: _Table, size: int, options: ReadOptions) -> tuple[FloatArray, list[str]]:
     if table.has("time") and options.rate is None:
-        column, week = table.chosen["time"], table.chosen.get("week")
-        return time_axis(table.source, column, table.columns, week, options.time_unit)
+        return time_axis(table.source, table.chosen, table.columns, options.time_unit)
     return even_axis(table.source, size, options.rate)
 
 

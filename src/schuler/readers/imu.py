@@ -11,7 +11,7 @@ from schuler import units
 from schuler.data import ImuRecording
 from schuler.data._checks import FloatArray
 from schuler.errors import InputError
-from schuler.readers.clock import check_steps, even_axis, time_axis
+from schuler.readers.clock import check_steps, even_axis, shifted, time_axis
 from schuler.readers.names import IMU_ROLES, Column, imu_numbers, missing, names_of_imu
 from schuler.readers.options import ReadOptions, choose_columns, unit_of
 from schuler.readers.source import Columns, Source
@@ -196,13 +196,12 @@ def _assemble(
         )
     history = [f"read from {source.path.name}", *source.history]
     if "time" in chosen and options.rate is None:
-        time, notes = time_axis(
-            source, chosen["time"], columns, chosen.get("week"), options.time_unit
-        )
+        time, notes = time_axis(source, chosen, columns, options.time_unit)
     else:
         time, notes = even_axis(source, rows.size, options.rate)
+    time, moved = shifted(time, options.time_offset)
     gyro, accel, more = _signals(source, chosen, columns, options)
-    history += notes + more
+    history += notes + moved + more
     temperature = None
     if "temperature" in chosen:
         temperature = columns[chosen["temperature"].name].astype(np.float64)

@@ -60,6 +60,7 @@ _TIMES = (
     "timeofweek",
 )
 IMU_ROLES: dict[str, str] = {
+    "date": r"(?:utc)?date|dateutc",
     "week": r"(?:gps)?(?:week|wn|weeknumber)",
     **_axes("gyro", _GYRO),
     **_axes("accel", _ACCEL),
@@ -71,6 +72,7 @@ IMU_ROLES: dict[str, str] = {
 _POSITION_SD = r"(?:posstd|possd|possigma|positionstd|positionsd|stdpos|sdpos|posacc)"
 _VELOCITY_SD = r"(?:velstd|velsd|velsigma|velocitystd|velocitysd|stdvel|sdvel|velacc)"
 GNSS_ROLES: dict[str, str] = {
+    "date": IMU_ROLES["date"],
     "week": IMU_ROLES["week"],
     "latitude": r"(?:gnss|gps|navsatfix)?(?:lat|latitude)",
     "longitude": r"(?:gnss|gps|navsatfix)?(?:lon|lng|long|longitude)",

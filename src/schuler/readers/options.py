@@ -22,6 +22,8 @@ class ReadOptions:
         Which column is what.
     time_unit, gyro_unit, accel_unit, angle_unit : str, optional
         Units.
+    time_offset : float
+        Seconds added to the time.
     rate : float, optional
         Hz.
     increments : bool, optional
@@ -44,6 +46,7 @@ class ReadOptions:
 
     columns: Mapping[str, Any] | Sequence[str] | None = None
     time_unit: str | None = None
+    time_offset: float = 0.0
     gyro_unit: str | None = None
     accel_unit: str | None = None
     angle_unit: str | None = None

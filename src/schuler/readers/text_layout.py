@@ -16,7 +16,8 @@ _COMMENTS = ("#", "%", "//")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$")
 _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][+-]?\d+)?$")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "inf", "-inf", "-nan", "+inf"}
-_DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?(?:[T ]\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?\s*\S*)?$")
+_CLOCK = r"\d\d?:\d\d(?::\d\d(?:[.,]\d+)?)?"
+_DATE = re.compile(rf"{_CLOCK}$|\d{{4}}[-/]\d\d?[-/]\d\d?(?:[T ]{_CLOCK}\s*\S*)?$")
 MISSING_WORDS = sorted(
     {case for word in _MISSING if word for case in (word, word.upper(), word.title())}
     | {"NaN", "-NaN"}
