@@ -6,6 +6,8 @@
 thread. CPU seconds are the least of several runs on the same arrays.
 """
 
+# ruff: noqa: E402 - the number of threads is set before NumPy is imported
+
 from __future__ import annotations
 
 import os

@@ -6,6 +6,8 @@
 Gauss-Markov), the load of the design documents.
 """
 
+# ruff: noqa: E402 - the number of threads is set before NumPy is imported
+
 from __future__ import annotations
 
 import os

@@ -164,9 +164,8 @@ def allan_deviation(
     columns = data.reshape(len(data), -1)
     variance = _variances(columns, factors)
     tau = factors / rate
-    freedom = np.column_stack(
-        [power_law_degrees_of_freedom(local_slope(tau, v), factors, len(data)) for v in variance.T]
-    )
+    slopes = np.column_stack([local_slope(tau, v) for v in variance.T])
+    freedom = power_law_degrees_of_freedom(slopes, factors, len(data))
     deviation = np.sqrt(variance)
     down, up = chi_square_bounds(freedom)
     shape = (factors.size,) if data.ndim == 1 else deviation.shape

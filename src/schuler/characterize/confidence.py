@@ -100,7 +100,7 @@ def power_law_degrees_of_freedom(
 
     Parameters
     ----------
-    slope : (t,) array_like
+    slope : (t,) or (t, m) array_like
         Slope of log variance against log tau at every tau: -2 quantisation, -1 white, 0 flicker,
         +1 random walk. Between these the logarithm is interpolated; beyond, the end counts.
     factors : (t,) ndarray of int
@@ -110,7 +110,7 @@ def power_law_degrees_of_freedom(
 
     Returns
     -------
-    (t,) ndarray
+    (t,) or (t, m) ndarray
         Degrees of freedom, at least about 1.
 
     Notes
@@ -138,11 +138,9 @@ def power_law_degrees_of_freedom(
         )
         logs.append(np.log(2.0 / np.diag(out)))
     laws = np.array([law for law, _ in _POWER_LAWS])
-    wanted = np.broadcast_to(np.asarray(slope, dtype=np.float64), factors.shape)
-    columns = [
-        np.interp(w, laws, column) for w, column in zip(wanted, np.array(logs).T, strict=True)
-    ]
-    return np.asarray(np.exp(columns), dtype=np.float64)
+    wanted = np.asarray(slope, dtype=np.float64)
+    found = [np.interp(w, laws, column) for w, column in zip(wanted, np.array(logs).T, strict=True)]
+    return np.asarray(np.exp(found), dtype=np.float64)
 
 
 def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> FloatArray:

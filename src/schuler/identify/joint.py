@@ -37,7 +37,7 @@ from schuler.processes import (
 FloatArray = NDArray[np.float64]
 
 _POINTS_PER_DECADE = 5.0
-_LONGEST_FRACTION = 4
+_LONGEST_FRACTION = 3
 _SHORTEST_RECORD = 100
 _BAND_EDGE = 10
 _FEWEST_POINTS = 12
@@ -143,7 +143,7 @@ class Identification:
 
 
 def fit_factors(samples: int) -> NDArray[np.int64]:
-    """Cluster lengths of the curve that is fitted: the default ones and a few up to a quarter.
+    """Cluster lengths of the curve that is fitted: the default ones and a few up to a third.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ PENALTY = {
     "random_walk": 8.0,
     "quantization": 10.0,
     "rate_ramp": 12.0,
-    "gauss_markov": 18.0,
+    "gauss_markov": 16.0,
 }
 """What a term must take off the misfit to be believed.
 
