@@ -26,8 +26,14 @@ REST_ACCEL = 0.15
 REST_GYRO = np.radians(0.7)
 REST_SPEED = 0.3
 SHORTEST_REST = 2.0
-# seconds of motion used for the heading, at most
-LONGEST_MATCH = 60.0
+# seconds of motion used for the heading, tried in turn
+MATCH_LENGTHS = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
+# seconds used when the recording starts in motion
+MOTION_WINDOW = 20.0
+# gyro biases found in motion (rad/s): slopes and leans of the vehicle over the window
+MOTION_GYRO_SD = np.radians(0.5)
+# a heading known worse than this (rad) is no start
+WORST_HEADING = np.radians(10.0)
 # velocity changes are compared over this time (s)
 MATCH_SPAN = 2.0
 # standard deviation of heading (rad) that is good enough to stop looking further
@@ -96,8 +102,7 @@ def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, fl
     quiet &= np.abs(gyro - np.median(gyro[: min(count, 10)], axis=0)).max(axis=1) < REST_GYRO
     quiet &= np.abs(accel - np.median(accel[: min(count, 10)], axis=0)).max(axis=1) < REST_ACCEL
     if gnss.velocity is not None:
-        speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
-        moving = gnss.time[speed > REST_SPEED]
+        moving = gnss.time[_moves(gnss)]
         if moving.size:
             # half a second for the filters and delays of receivers
             quiet &= ends < moving[0] - 0.5
@@ -105,6 +110,19 @@ def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, fl
     if stop < SHORTEST_REST:
         return None
     return float(imu.time[0]), float(ends[stop - 1])
+
+
+def _moves(gnss: GnssRecording) -> NDArray[np.bool_]:
+    """Epochs at which GNSS is sure to move: this one and the next are clear of their noise."""
+    assert gnss.velocity is not None
+    speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
+    threshold = np.full(gnss.size, REST_SPEED)
+    if gnss.velocity_sd is not None:
+        sd = gnss.velocity_sd[:, :2].max(axis=1)
+        threshold = np.maximum(threshold, np.where(np.isfinite(sd), 4.0 * sd, 0.0))
+    over: NDArray[np.bool_] = np.asarray(speed > threshold)
+    over[:-1] &= over[1:]
+    return over
 
 
 def align(
@@ -165,7 +183,7 @@ def align(
     if gnss.velocity is None:
         gnss = _with_velocity_from_position(gnss)
     if rest is None:
-        return _align_in_motion(imu, gnss, velocity_offset)
+        return _align_in_motion(imu, gnss, velocity_offset, mounting)
     level, bias, bias_sd = _at_rest(imu, gnss, rest)
     yaw, heading_sd, method = _heading_from_motion(
         imu, gnss, rest, level, bias, velocity_offset, mounting
@@ -278,8 +296,7 @@ def _heading_from_motion(
 ) -> tuple[float, float, str]:
     """Angle about the vertical that takes the levelled frame to north."""
     assert gnss.velocity is not None
-    speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
-    moving = np.flatnonzero((gnss.time + offset > rest[1]) & (speed > REST_SPEED))
+    moving = np.flatnonzero((gnss.time + offset > rest[1]) & _moves(gnss))
     if not moving.size:
         raise NavigationError(
             "GNSS shows no motion after the rest at the start, so nothing tells the heading",
@@ -288,24 +305,24 @@ def _heading_from_motion(
             where=gnss.name,
         )
     begin = max(rest[0], float(gnss.time[moving[0]]) + offset - 3.0)
-    part = _without_bias(imu.between(begin, begin + LONGEST_MATCH + 5.0), bias)
+    part = _without_bias(imu.between(begin, begin + MATCH_LENGTHS[-1] + 5.0), bias)
     near = int(np.argmin(np.abs(gnss.time + offset - begin)))
     _, velocity, rotation = dead_reckon(part, gnss.position[near], np.zeros(3), level)
     best: tuple[float, float] | None = None
-    for length in (15.0, 30.0, 45.0, LONGEST_MATCH):
+    for length in MATCH_LENGTHS:
         found = _match_velocity_changes(part, velocity, gnss, offset, begin, begin + length)
         if found is not None and (best is None or found[1] < best[1]):
             best = found
         if best is not None and best[1] < GOOD_HEADING:
             break
-    if best is not None and best[1] < np.radians(10.0):
+    if best is not None and best[1] < WORST_HEADING:
         return best[0], max(best[1], np.radians(0.5)), "heading from the first velocity changes"
     if mounting is not None:
         yaw, sd = _heading_from_course(part, rotation, gnss, offset, mounting)
         return yaw, sd, "heading from the first GNSS course"
     raise NavigationError(
-        "the first minute of motion does not tell the heading to 10 deg",
-        expected="a start or a turn within the first minute of motion",
+        "the first three minutes of motion do not tell the heading to 10 deg",
+        expected="a start, a brake or a turn in that time",
         cure="give the heading with --heading, or the mounting of the IMU in the vehicle",
         where=gnss.name,
     )
@@ -371,12 +388,18 @@ def _heading_from_course(
     return float(np.angle(mean)), float(max(np.sqrt(np.mean(spread**2)), np.radians(3.0)))
 
 
-def _align_in_motion(imu: ImuRecording, gnss: GnssRecording, offset: float) -> Alignment:
-    """Attitude from velocity changes alone: a Wahba problem in the frame of the first sample."""
+def _align_in_motion(
+    imu: ImuRecording, gnss: GnssRecording, offset: float, mounting: FloatArray | None
+) -> Alignment:
+    """Attitude from velocity changes alone: a Wahba problem in the frame of the first sample.
+
+    The gyros' bias is what is left of their mean when the turn of the course is taken off: over
+    tens of seconds a vehicle turns about the vertical only.
+    """
     assert gnss.velocity is not None
     from schuler.earth import gravity
 
-    window = imu.between(float(imu.time[0]), float(imu.time[0]) + 20.0)
+    window = imu.between(float(imu.time[0]), float(imu.time[0]) + MOTION_WINDOW)
     time = gnss.time + offset
     inside = (time > window.time[0]) & (time < window.time[-1])
     if inside.sum() < 4:
@@ -387,10 +410,13 @@ def _align_in_motion(imu: ImuRecording, gnss: GnssRecording, offset: float) -> A
             where=gnss.name,
         )
     epochs, seen = time[inside], gnss.velocity[inside]
-    step = np.diff(window.time, prepend=window.time[0])[:, None]
-    turned = _attitude_history(window.gyro * step)
-    force = np.cumsum(np.einsum("kij,kj->ki", turned, window.accel * step), axis=0)
-    felt = np.column_stack([np.interp(epochs, window.time, force[:, i]) for i in range(3)])
+    level = level_from_gravity(window.accel.mean(axis=0))
+    bias = window.gyro.mean(axis=0) - level[2] * _turn_rate(epochs, seen)
+    still = _without_bias(window, bias)
+    step = np.diff(still.time, prepend=still.time[0])[:, None]
+    turned = _attitude_history(still.gyro * step)
+    force = np.cumsum(np.einsum("kij,kj->ki", turned, still.accel * step), axis=0)
+    felt = np.column_stack([np.interp(epochs, still.time, force[:, i]) for i in range(3)])
     span = max(1, round(MATCH_SPAN / float(np.median(np.diff(epochs)))))
     a = felt[span:] - felt[:-span]
     near = gnss.position[int(np.argmax(inside))]
@@ -401,24 +427,39 @@ def _align_in_motion(imu: ImuRecording, gnss: GnssRecording, offset: float) -> A
     horizontal = a - np.outer(a @ rotation[2], rotation[2])
     power = float(np.sum(horizontal**2))
     heading_sd = float(np.sqrt(span * np.mean(left[:, :2] ** 2) / max(power, 1e-9)))
-    if heading_sd > np.radians(20.0):
-        raise NavigationError(
-            "no rest at the start, and too little acceleration to find the attitude in motion "
-            f"(heading known to {np.degrees(heading_sd):.0f} deg)",
-            expected="two seconds at rest, or a start, brake or turn in the first 20 s",
-            cure="cut the recording so that it starts at rest",
-            where=imu.name,
-        )
+    method = "in motion, from velocity changes over the first 20 s"
+    if heading_sd > WORST_HEADING:
+        if mounting is None:
+            raise NavigationError(
+                "no rest at the start, and too little acceleration to find the attitude in motion "
+                f"(heading known to {np.degrees(heading_sd):.0f} deg)",
+                expected="two seconds at rest, or a start, brake or turn in the first 20 s",
+                cure="cut the recording so that it starts at rest, or give the mounting of the "
+                "IMU in the vehicle with --mounting",
+                where=imu.name,
+            )
+        yaw, heading_sd = _heading_from_course(still, level @ turned, gnss, offset, mounting)
+        rotation = dcm_from_euler(0.0, 0.0, yaw) @ level
+        method = "in motion, levelled over the first 20 s, heading from the GNSS course"
     return Alignment(
         rotation=rotation,
         tilt_sd=float(np.radians(3.0)),
         heading_sd=float(max(2.0 * heading_sd, np.radians(3.0))),
-        gyro_bias=np.zeros(3),
-        gyro_bias_sd=None,
+        gyro_bias=bias,
+        gyro_bias_sd=MOTION_GYRO_SD,
         rest=None,
-        method="in motion, from velocity changes over the first 20 s",
+        method=method,
         velocity=seen[0],
     )
+
+
+def _turn_rate(time: FloatArray, velocity: FloatArray) -> float:
+    """Mean rate of the course (rad/s), by regression over the epochs that are fast enough."""
+    fast = np.linalg.norm(velocity[:, :2], axis=1) > 2.0
+    if fast.sum() < 3:
+        return 0.0
+    course = np.unwrap(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
+    return float(np.polyfit(time[fast] - time[0], course, 1)[0])
 
 
 def _attitude_history(increments: FloatArray) -> FloatArray:

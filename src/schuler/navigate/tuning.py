@@ -45,6 +45,9 @@ DERIVATIVE_STEP = 1e-2
 # the search ends when a step promises less than this gain of log-likelihood
 TOLERANCE = 0.05
 LONGEST_SEARCH = 30
+# least factor on a receiver's standard deviations of position: innovations cannot see errors that
+# change slowly, so a smaller one would claim what nobody knows
+LEAST_POSITION_FACTOR = 0.5
 # innovations beyond this many standard deviations count with a Cauchy tail
 OUTLYING = 4.0
 
@@ -331,6 +334,8 @@ def tune(
     start = RunSetup(base, NoiseFactors.none(), offsets, alignment, lever_arm)
     names = _free_parameters(gnss, tune_noise, tune_offsets)
     prior = np.array([0.0 if "offset" in n else PRIOR_SD**-2 for n in names])
+    floor = np.array([np.log(LEAST_POSITION_FACTOR) if n == "sd position" else -8.0 for n in names])
+    floor[[k for k, n in enumerate(names) if "offset" in n]] = -np.inf
     calls = 0
 
     def evaluate(x: FloatArray) -> InnovationSequence:
@@ -340,7 +345,7 @@ def tune(
             progress(f"tuning: the drive filtered {calls} times")
         return innovations(slow, thinned, _setup_at(dict(zip(names, x, strict=True)), start, base))
 
-    x, best, gain, converged, information = _score(evaluate, prior)
+    x, best, gain, converged, information = _score(evaluate, prior, floor)
     sd = np.sqrt(np.diag(np.linalg.pinv(information)))
     unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
     return Tuning(
@@ -354,9 +359,9 @@ def tune(
 
 
 def _score(
-    evaluate: Callable[[FloatArray], InnovationSequence], prior: FloatArray
+    evaluate: Callable[[FloatArray], InnovationSequence], prior: FloatArray, floor: FloatArray
 ) -> tuple[FloatArray, float, float, bool, FloatArray]:
-    """Fisher scoring with a damped step. Harvey, section 3.4.
+    """Fisher scoring with a damped step, above a floor. Harvey, section 3.4.
 
     Returns the parameters, the penalised log-likelihood, its gain, whether the search ended by
     itself, and the information matrix.
@@ -378,9 +383,13 @@ def _score(
     information = np.diag(prior)
     for _ in range(LONGEST_SEARCH):
         gradient, information = _derivatives(evaluate, x, now, prior)
+        # what would leave through the floor stays out of this step
+        free = (x > floor) | (gradient > 0.0)
         while True:
             damped = information + damping * np.diag(np.diag(information) + 1e-12)
-            step = np.clip(np.linalg.solve(damped, gradient), -2.0, 2.0)
+            step = np.zeros(count)
+            step[free] = np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
+            step = np.maximum(np.clip(step, -2.0, 2.0), floor - x)
             if 0.5 * float(gradient @ step) < TOLERANCE:
                 return x, best, best - first, True, information
             trial = evaluate(x + step)
