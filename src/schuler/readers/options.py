@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from schuler import units
@@ -181,21 +181,3 @@ def unit_of(column: Column, given: str | None, kind: str, default: str) -> tuple
     """
     unit = given or column.unit
     return units.scale(unit or default, kind), unit or default, not unit
-
-
-def without(options: ReadOptions, **changes: Any) -> ReadOptions:
-    """Return a copy of options with some changed.
-
-    Parameters
-    ----------
-    options : ReadOptions
-        The options.
-    **changes
-        Fields and their new values.
-
-    Returns
-    -------
-    ReadOptions
-        The copy.
-    """
-    return replace(options, **changes)
