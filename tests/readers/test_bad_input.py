@@ -61,6 +61,15 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
         lines([",".join([*r.split(",")[:3], "0.0", *r.split(",")[4:]]) for r in ROWS]),
         ("bad.csv", "gyro_z_rad_s", "zero in all 100 rows"),
     ),
+    "packets of samples, no rate": (
+        lines(
+            [
+                f"{k // 5 * 0.05 + k % 5 * 1e-4:.4f}," + r.split(",", 1)[1]
+                for k, r in enumerate(ROWS)
+            ]
+        ),
+        ("time_s", "no sampling rate can be found", "0.0001 s to 0.0496 s"),
+    ),
     "same name twice": (lines(ROWS, HEADER.replace("gyro_y", "gyro_x")), ("gyro_x_rad_s", "two")),
     "only text": ("This is a letter.\nIt has lines.\n", ("bad.csv", "no line of numbers")),
 }

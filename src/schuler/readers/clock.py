@@ -253,3 +253,33 @@ def check_steps(
             cure="name it, e.g. time_unit='ms'",
             where=f"{source.path}, column '{column.name}'",
         )
+
+
+def check_rate(source: Source, column: Column, time: FloatArray) -> None:
+    """Raise when the samples have no rate: their steps differ too much from each other.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    column : Column
+        Its column of time.
+    time : (n,) ndarray
+        Strictly increasing, s.
+
+    Raises
+    ------
+    InputError
+        The steps of the middle 80 % differ by more than a factor of ten, as those of stamps that a
+        computer gave to whole packets of samples do.
+    """
+    short, middle, long = np.percentile(np.diff(time), [10.0, 50.0, 90.0])
+    if long <= 10.0 * short:
+        return
+    raise InputError(
+        f"no sampling rate can be found: steps of time range from {short:.3g} s to {long:.3g} s "
+        f"(median {middle:.3g} s)",
+        expected="samples about evenly spaced",
+        cure="name the sensor's own clock with columns={'time': ...}, or give rate=",
+        where=f"{source.path}, column '{column.name}'",
+    )

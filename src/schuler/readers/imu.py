@@ -11,7 +11,7 @@ from schuler import units
 from schuler.data import ImuRecording
 from schuler.data._checks import FloatArray
 from schuler.errors import InputError
-from schuler.readers.clock import check_steps, even_axis, shifted, time_axis
+from schuler.readers.clock import check_rate, check_steps, even_axis, shifted, time_axis
 from schuler.readers.names import IMU_ROLES, Column, imu_numbers, missing, names_of_imu
 from schuler.readers.options import ReadOptions, choose_columns, unit_of
 from schuler.readers.source import Columns, Source
@@ -220,6 +220,8 @@ def _assemble(
             cure="check that the file is complete",
             where=str(source.path),
         )
+    if "time" in chosen and options.rate is None:
+        check_rate(source, chosen["time"], time)
     gyro, accel, more = _rates_from_increments(chosen, time, gyro, accel, options)
     if temperature is not None and not np.isfinite(temperature).all():
         temperature = None
