@@ -231,7 +231,10 @@ def test_recordings_show_their_largest_value_in_their_unit() -> None:
     text = render_report(imu)
     drawn = figures_of(text)
     assert len(drawn) == 4  # two accelerometers were not recorded
-    assert numbers(drawn[1]["traces"][0]["y"]).max() == pytest.approx(17.4, rel=1e-6)
+    highest = max(numbers(trace["y"]).max() for trace in drawn[1]["traces"])
+    lowest = min(numbers(trace["y"]).min() for trace in drawn[0]["traces"])
+    assert highest == pytest.approx(17.4, rel=1e-6)
+    assert lowest == pytest.approx(np.degrees(gyro[:, 0].min()), rel=1e-6)
     assert len(text) - len(plotly_script()) < 300_000
 
 

@@ -232,6 +232,7 @@ def _drive_part(
     from schuler.export.trajectory import write_trajectory
     from schuler.navigate import prepare, run
     from schuler.report import NavigationResults
+    from schuler.report.sections.outages import OutageResults
     from schuler.scale.progress import progress
 
     assert material.imu is not None
@@ -250,7 +251,8 @@ def _drive_part(
         )
     show_navigation(screen, causal, smoothed)
     show_outages(screen, evaluation)
-    sections += [NavigationResults(causal, smoothed, material.gnss, material.truth), evaluation]
+    sections += [NavigationResults(causal, smoothed, material.gnss, material.truth)]
+    sections.append(OutageResults(evaluation, material.gnss))
     path = out / "trajectory.parquet"
     outputs.file(path, lambda temporary: write_trajectory(temporary, smoothed, ".parquet"))
     outputs.text(out / "outages.json", lambda: json_text(evaluation.to_dict()))

@@ -102,8 +102,8 @@ def example_drive(duration: float) -> ExampleDrive:
     gnss = simulate_gnss(
         profile,
         1.0,
-        position_sd=1.0,
-        velocity_sd=0.05,
+        position_sd=0.05,
+        velocity_sd=0.03,
         rng=np.random.default_rng(SEEDS["GNSS"]),
         name="simulated GNSS",
     )

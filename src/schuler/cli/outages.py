@@ -141,15 +141,13 @@ def _page(
     which: dict[str, Any],
 ) -> str:
     from schuler.cli.provenance import command_provenance
-    from schuler.report import NavigationResults, render_report
+    from schuler.report import render_report
+    from schuler.report.sections.outages import OutageResults
 
-    # The track of the first run; in a dense sweep there are several, all alike.
-    causal, smoothed = evaluation.solutions[0]
-    start = float(gnss.time[0])
-    lost = tuple((start + a, start + a + b) for a, b in evaluation.runs[0]["outages"])
+    results = OutageResults(evaluation, gnss)
     return render_report(
         evaluation,
-        NavigationResults(causal, smoothed, gnss, outages=lost),
+        results.first_run,
         title=f"GNSS outages on {name}",
         provenance=command_provenance(inputs=inputs, settings=which | {"runs": evaluation.runs}),
     )

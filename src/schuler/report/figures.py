@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 Dash = Literal["solid", "dot", "dash", "dashdot"]
 
 AXIS_COLOURS = {"x": "@x", "y": "@y", "z": "@z", "north": "@x", "east": "@y", "down": "@z"}
-MAX_POINTS = 1400
+MAX_POINTS = 1000
 """Points of a line; more cannot be told apart on a screen."""
 
 
@@ -206,6 +206,39 @@ def band(
     return [
         {**common, "y": encode(low[keep])},
         {**common, "y": encode(high[keep]), "fill": "tonexty", "fillcolor": colour},
+    ]
+
+
+def envelope(
+    x: FloatArray, y: FloatArray, colour: str, name: str, stretches: int = 500
+) -> list[dict[str, Any]]:
+    """Return a noisy line as the area between the extremes of many stretches.
+
+    Parameters
+    ----------
+    x, y : (n,) ndarray
+        The line; `x` increases.
+    colour : str
+        Name in the palette.
+    name : str
+        What it is.
+    stretches : int
+        How many; a line with fewer than four samples in each is drawn as a line.
+
+    Returns
+    -------
+    list of dict
+        Two traces with the area between them, or one line.
+    """
+    if y.size < 4 * stretches:
+        return [line(x, y, colour, name, width=0.8)]
+    starts = np.linspace(0, y.size, stretches, endpoint=False).astype(np.int64)
+    low, high = np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts)
+    common = {"type": "scatter", "mode": "lines", "x": encode(x[starts]), "name": name}
+    common |= {"line": {"color": colour, "width": 0.8}, "hovertemplate": "%{x:.4~g}, %{y:.4~g}"}
+    return [
+        {**common, "y": encode(low)},
+        {**common, "y": encode(high), "fill": "tonexty", "fillcolor": colour},
     ]
 
 

@@ -99,4 +99,6 @@ def duration(seconds: float) -> str:
     if seconds > 172_800.0:
         return f"{number(seconds / 86_400.0, 2)} days"
     minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+    if minutes < 120:
+        return f"{minutes} min"
+    return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"

@@ -59,7 +59,7 @@ def innovation_section(solution: NavigationSolution, spans: Spans) -> Section:
         ("measurement", "updates", "kept out by the gate", "mean NIS a degree", "NIS inside 95 %"),
         tuple(_row(kind, part) for kind, part in parts.items()),
         note="NIS: normalised innovation squared. An honest filter has a mean of 1 a degree of "
-        "freedom; above 1 it claims too much, below 1 too little.",
+        "freedom; above 1 it is too sure of itself, below 1 not sure enough.",
     )
     grids = tuple(_innovations(kind, part, start, spans) for kind, part in parts.items())
     sentences: tuple[str, ...] = ()

@@ -132,7 +132,12 @@ def _track_section(run: NavigationResults, spans: tuple[tuple[float, float], ...
         f"up to {number(float(speed.max()))} m/s."
     )
     found = _found(run.best.settings)
-    blocks = (facts, _track(run), _motion(trajectory, spans), *((found,) if found.rows else ()))
+    blocks = (
+        facts,
+        track_figure(run),
+        _motion(trajectory, spans),
+        *((found,) if found.rows else ()),
+    )
     return Section("Track", blocks, (sentence,))
 
 
@@ -160,7 +165,9 @@ def _found(settings: dict[str, Any]) -> Table:
             number(float(v), 4) if isinstance(v, (int, float)) else str(v) for v in parts
         )
         rows.append((words, text, unit))
-    return Table("What the run rests on", ("quantity", "value", "unit"), tuple(rows), words=(0, 2))
+    return Table(
+        "What the run rests on", ("quantity", "value", "unit"), tuple(rows), words=(0, 1, 2)
+    )
 
 
 def _local(position: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -170,7 +177,19 @@ def _local(position: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatA
     return ned[:, 1], ned[:, 0]
 
 
-def _track(run: NavigationResults) -> FigureGrid:
+def track_figure(run: NavigationResults) -> FigureGrid:
+    """Return the track in local coordinates, east against north to one scale.
+
+    Parameters
+    ----------
+    run : NavigationResults
+        Solutions with GNSS, truth and outages.
+
+    Returns
+    -------
+    FigureGrid
+        One plot.
+    """
     origin = run.best.trajectory.position[0]
     traces: list[dict[str, Any]] = []
     legend = []

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.data.gnss import GnssRecording
 from schuler.evaluate.outages import OutageEvaluation, OutageStatistics, OutageWindow
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, band, limits, line, marks
 from schuler.report.numbers import number, percent
+from schuler.report.sections.navigation import NavigationResults, track_figure
 from schuler.report.sections.registry import register
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +27,48 @@ def _answers(evaluation: OutageEvaluation) -> list[tuple[str, str, OutageStatist
         ("smoothed", "@smoothed", evaluation.smoothed),
     )
     return [(name, colour, s) for name, colour, s in both if s is not None]
+
+
+@dataclass(frozen=True, slots=True)
+class OutageResults:
+    """An outage evaluation with what its map needs.
+
+    Parameters
+    ----------
+    evaluation : OutageEvaluation
+        Errors with GNSS withheld.
+    gnss : GnssRecording
+        All epochs, those withheld as well.
+    """
+
+    evaluation: OutageEvaluation
+    gnss: GnssRecording
+
+    @property
+    def first_run(self) -> NavigationResults:
+        """The first run with the windows that were withheld from it."""
+        causal, smoothed = self.evaluation.solutions[0]
+        start = float(self.gnss.time[0])
+        lost = tuple((start + a, start + a + b) for a, b in self.evaluation.runs[0]["outages"])
+        return NavigationResults(causal, smoothed, self.gnss, outages=lost)
+
+
+@register
+def outage_results_sections(results: OutageResults) -> tuple[Section, ...]:
+    """Show an outage evaluation with a map of its first run.
+
+    Parameters
+    ----------
+    results : OutageResults
+        Evaluation and GNSS.
+
+    Returns
+    -------
+    tuple of Section
+        One section.
+    """
+    (section,) = outage_sections(results.evaluation)
+    return (replace(section, blocks=(*section.blocks, track_figure(results.first_run))),)
 
 
 @register

@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler.data.imu import CHANNELS, ImuRecording
 from schuler.report.blocks import Facts, Figure, FigureGrid, LegendItem, Section, Table
-from schuler.report.figures import axis, limits, line, thin
+from schuler.report.figures import axis, envelope, limits
 from schuler.report.numbers import duration, number
 from schuler.report.sections.registry import register
 from schuler.units import scale
@@ -98,19 +98,18 @@ def _signals(imu: ImuRecording) -> FigureGrid:
         shown = [c for c in CHANNELS if c in imu.channels and c.startswith(sensor)]
         for channel in shown:
             signal = imu.channel(channel)
-            keep = thin(time, signal)
-            values = signal[keep] / scale(unit, kind)
-            trace = line(time[keep], values, f"@{channel[-1]}", channel_title(channel), width=0.8)
-            low, high = values.min(), values.max()
+            factor = scale(unit, kind)
+            low, high = float(signal.min()) / factor, float(signal.max()) / factor
+            traces = envelope(time, signal / factor, f"@{channel[-1]}", channel_title(channel))
             figures.append(
                 Figure(
                     channel_title(channel),
                     f"Between {number(low, 4)} and {number(high, 4)} {pretty(unit)}, "
-                    f"mean {number(float(np.mean(signal)) / scale(unit, kind), 4)}.",
-                    (trace,),
+                    f"mean {number(float(np.mean(signal)) / factor, 4)}.",
+                    tuple(traces),
                     {
                         "xaxis": axis("time in s"),
-                        "yaxis": axis(pretty(unit), limits=limits(values)),
+                        "yaxis": axis(pretty(unit), limits=limits([low, high])),
                     },
                     height=210,
                 )
@@ -119,6 +118,5 @@ def _signals(imu: ImuRecording) -> FigureGrid:
     return FigureGrid(
         tuple(figures),
         legend,
-        caption="Thinned for the screen so that the smallest and the largest value of every "
-        "stretch is kept.",
+        caption="Drawn from the smallest to the largest value of every stretch: no peak is lost.",
     )

@@ -14,7 +14,8 @@ _HOMES = {
     "schuler.characterize": "screening",
     "schuler.identify": "characterization",
     "schuler.evaluate": "outages",
-    "schuler.report": "navigation",
+    "schuler.report.sections.navigation": "navigation",
+    "schuler.report.sections.outages": "outages",
 }
 """Where the maker for the results of a module lives: only that one is imported."""
 

@@ -54,7 +54,7 @@ def _rest(screening: Screening) -> str:
 
 
 def _where(finding: Seen) -> str:
-    if not finding.intervals:
+    if not finding.intervals or finding.severity == "info":
         return ""
     spans = [
         f"{f'{start:.8g}'} s" if stop - start < 0.1 else f"{f'{start:.8g}'} to {f'{stop:.8g}'} s"

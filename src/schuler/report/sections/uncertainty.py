@@ -152,7 +152,8 @@ def _errors(
     for quantity, deviation in _deviations(solution).items():
         unit, factor = UNITS[quantity]
         bound, error = 2.0 * factor * deviation, factor * errors[quantity]
-        common = limits(bound, -bound, error)
+        settled = slice(time.size // 7, None)  # the first moments may leave the plot
+        common = limits(bound[settled], -bound[settled], error[settled])
         for k, direction in enumerate(DIRECTIONS):
             figures.append(
                 Figure(
