@@ -55,8 +55,8 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
         lines([*ROWS, "1.00,0.010,0.020,0.030,0.10,0.20,9.8"], end=""),
         ("line 102", "middle of a line"),
     ),
-    "one sample": (lines(ROWS[:1]), ("bad.csv", "1 sample", "at least 3")),
-    "two samples": (lines(ROWS[:2]), ("bad.csv", "2 samples", "rate", "at least 3")),
+    "one sample": (lines(ROWS[:1]), ("bad.csv", "1 sample:", "rate", "at least 3")),
+    "two samples": (lines(ROWS[:2]), ("bad.csv", "2 samples:", "rate", "at least 3")),
     "an axis of zeros": (
         lines([",".join([*r.split(",")[:3], "0.0", *r.split(",")[4:]]) for r in ROWS]),
         ("bad.csv", "gyro_z_rad_s", "zero in all 100 rows"),

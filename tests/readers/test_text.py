@@ -369,3 +369,13 @@ def test_date_and_time_of_day(tmp_path: Path) -> None:
     assert "-18.000000 s added to time" in shifted.history
     imu = read_imu(write(tmp_path / "imu.csv", table(), ",".join(NAMES)), time_offset=2.5)
     assert imu.time[0] == 2.5
+
+
+def test_temperature_in_kelvin_and_incomplete(tmp_path: Path) -> None:
+    values = np.column_stack([table(), np.linspace(293.15, 303.15, 200)])
+    imu = read_imu(write(tmp_path / "a.csv", values, ",".join((*NAMES, "temperature_K"))))
+    assert imu.temperature[[0, -1]] == pytest.approx([20.0, 30.0])
+    values[5, 7] = np.nan
+    imu = read_imu(write(tmp_path / "a.csv", values, ",".join((*NAMES, "temp_degC"))))
+    assert imu.temperature is None
+    assert "temperature left out: it is not complete" in imu.history

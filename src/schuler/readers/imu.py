@@ -187,46 +187,53 @@ def _assemble(
     name: str,
 ) -> ImuRecording:
     """Build the recording of one IMU out of its columns; `rows` are their rows in the file."""
-    if rows.size < 2:
-        raise InputError(
-            f"the recording has {rows.size} sample{'' if rows.size == 1 else 's'}",
-            expected="at least 3, to find a rate",
-            cure="check that the file is complete",
-            where=str(source.path),
-        )
-    history = [f"read from {source.path.name}", *source.history]
-    if "time" in chosen and options.rate is None:
+    _check_enough(source, rows.size)
+    stamped = "time" in chosen and options.rate is None
+    if stamped:
         time, notes = time_axis(source, chosen, columns, options.time_unit)
     else:
         time, notes = even_axis(source, rows.size, options.rate)
     time, moved = shifted(time, options.time_offset)
-    gyro, accel, more = _signals(source, chosen, columns, options)
-    history += notes + moved + more
-    temperature = None
-    if "temperature" in chosen:
-        temperature = columns[chosen["temperature"].name].astype(np.float64)
+    gyro, accel, converted = _signals(source, chosen, columns, options)
+    temperature, cold = _temperature(chosen, columns)
     keep, dropped = _usable_rows(source, chosen, time, gyro, accel, rows, options)
     if dropped:
         time, gyro, accel, rows = time[keep], gyro[keep], accel[keep], rows[keep]
         temperature = None if temperature is None else temperature[keep]
-        history += dropped
-    if "time" in chosen and options.rate is None:
+    if stamped:
         named = bool(options.time_unit or chosen["time"].unit)
         check_steps(source, chosen["time"], time, rows, np.inf if named else _LONGEST_STEP)
-    if time.size < 3:
+    _check_enough(source, time.size)
+    if stamped:
+        check_rate(source, chosen["time"], time)
+    gyro, accel, divided = _rates_from_increments(chosen, time, gyro, accel, options)
+    history = (f"read from {source.path.name}", *source.history, *notes, *moved)
+    history = (*history, *converted, *cold, *dropped, *divided)
+    return ImuRecording(time, gyro, accel, name, temperature, history)
+
+
+def _check_enough(source: Source, count: int) -> None:
+    if count < 3:
         raise InputError(
-            f"the recording has {time.size} samples: its rate cannot be found",
+            f"the recording has {count} sample{'' if count == 1 else 's'}: no rate can be found",
             expected="at least 3",
             cure="check that the file is complete",
             where=str(source.path),
         )
-    if "time" in chosen and options.rate is None:
-        check_rate(source, chosen["time"], time)
-    gyro, accel, more = _rates_from_increments(chosen, time, gyro, accel, options)
-    if temperature is not None and not np.isfinite(temperature).all():
-        temperature = None
-        history.append("temperature left out: it is not complete")
-    return ImuRecording(time, gyro, accel, name, temperature, (*history, *more))
+
+
+def _temperature(
+    chosen: dict[str, Column], columns: Columns
+) -> tuple[FloatArray | None, list[str]]:
+    """Return degrees Celsius, or None when not every row has a value."""
+    if "temperature" not in chosen:
+        return None, []
+    values: FloatArray = columns[chosen["temperature"].name].astype(np.float64)
+    if not np.isfinite(values).all():
+        return None, ["temperature left out: it is not complete"]
+    if chosen["temperature"].unit.lower() == "k":
+        return values - 273.15, ["temperature converted from K"]
+    return values, []
 
 
 def _signals(
