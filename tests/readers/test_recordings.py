@@ -112,9 +112,10 @@ def test_four_imus_below_each_other(
     assert read_imu(file).rate == pytest.approx(120.005, abs=1e-3)
 
 
-def test_local_truth_asks_for_an_origin(data_folder: Path) -> None:
+def test_local_truth_without_an_origin_says_where_it_was_put(data_folder: Path) -> None:
     file = data_folder / "quad-4imu" / "path02_truth.parquet"
-    with pytest.raises(InputError, match=r"local.*origin="):
-        read_gnss(file)
+    placed = read_gnss(file)
+    assert any("without an origin" in line for line in placed.history)
+    assert placed.position[0, :2] == pytest.approx([np.pi / 4.0, 0.0], abs=1e-6)
     truth = read_gnss(file, origin=(0.57, 0.61, 100.0))
     assert truth.position[0] == pytest.approx([0.57, 0.61, 100.0])

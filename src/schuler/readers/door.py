@@ -132,7 +132,8 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
     topic, clock : str, optional
         Of ROS bags, as in `read_imu`.
     origin : sequence of 3 floats, optional
-        Latitude rad, longitude rad, height m of the point that local coordinates count from.
+        Latitude rad, longitude rad, height m of the point that local coordinates count from;
+        without it they are put at 45 deg north, 0 deg east, and the history says so.
     position_sd, velocity_sd : float, optional
         Standard deviations in m and m/s in place of those of the file (vertical position 1.5
         times it).

@@ -128,13 +128,6 @@ def _check_position(source: Source, chosen: dict[str, Column], options: ReadOpti
         started = max(_POSITIONS, key=lambda p: sum(r in chosen for r in p))
         lacking = [r for r in started if r not in chosen]
         raise missing(" and ".join(lacking), source.names, str(source.path))
-    if complete[0][0] == "north" and options.origin is None:
-        raise InputError(
-            "the positions are local (north, east, down) and say nothing about where on earth",
-            expected="latitude, longitude and height, or the origin of the local coordinates",
-            cure="give origin=(latitude in rad, longitude in rad, height in m)",
-            where=str(source.path),
-        )
     text = [r for r in complete[0] if source.is_text(chosen[r].name)]
     if text:
         raise InputError(
@@ -174,8 +167,15 @@ def _position(table: _Table, options: ReadOptions) -> FloatArray:
         else -table.values("up", "length", "m")
     )
     ned = np.column_stack([table.values(a, "length", "m") for a in ("north", "east")] + [down])
-    table.note("position converted from local coordinates about the given origin")
-    origin = np.asarray(options.origin, dtype=np.float64)
+    if options.origin is None:
+        table.note(
+            "local coordinates without an origin: placed at 45 deg north, 0 deg east, height 0; "
+            "only differences of position mean something, and gravity is uncertain by 0.03 m/s²"
+        )
+        origin = np.array([np.pi / 4.0, 0.0, 0.0])
+    else:
+        table.note("position converted from local coordinates about the given origin")
+        origin = np.asarray(options.origin, dtype=np.float64)
     return np.asarray(geodetic_from_ned(ned, origin), dtype=np.float64)
 
 
