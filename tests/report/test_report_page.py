@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -285,3 +286,13 @@ def test_provenance_names_every_input_by_its_digest(tmp_path: Path) -> None:
     assert [f.name for f in folder.inputs] == ["log.csv"]
     with pytest.raises(InputError, match="cannot be read"):
         record_provenance(inputs=[tmp_path / "none"])
+
+
+def test_all_parts_of_the_page_are_under_version_control() -> None:
+    root = Path(__file__).resolve().parents[2]
+    assets = root / "src" / "schuler" / "report" / "assets"
+    if not (root / ".git").exists():
+        pytest.skip("not a clone")
+    for part in assets.iterdir():
+        ignored = subprocess.run(["git", "check-ignore", "-q", str(part)], cwd=root, check=False)
+        assert ignored.returncode == 1, part.name

@@ -78,15 +78,21 @@ def run(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return GOOD
     except OSError as error:
+        if error.errno is None:  # not of the operating system, so not the user's doing
+            return _bug(error)
         place = f"{error.filename}: " if error.filename else ""
         return _bad_input(f"{place}{error.strerror or error}")
     except MemoryError:
         return _bad_input("not enough memory for this input; cut it into parts")
     except Exception as error:
-        if os.environ.get("SCHULER_DEBUG"):
-            raise
-        say(f"a bug in schuler: {type(error).__name__}: {error}; SCHULER_DEBUG=1 shows where")
-        return BUG
+        return _bug(error)
+
+
+def _bug(error: Exception) -> int:
+    if os.environ.get("SCHULER_DEBUG"):
+        raise error
+    say(f"a bug in schuler: {type(error).__name__}: {error}; SCHULER_DEBUG=1 shows where")
+    return BUG
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:

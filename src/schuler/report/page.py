@@ -93,7 +93,7 @@ def _template() -> Template:
         lstrip_blocks=True,
     )
     environment.filters["anchor"] = anchor
-    return environment.get_template("page.html")
+    return environment.get_template("page.html.jinja")
 
 
 def anchor(title: str) -> str:
