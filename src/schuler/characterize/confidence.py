@@ -153,7 +153,8 @@ def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> 
     variance : (t,) ndarray
         Allan variances; zeros are left out.
     decades : float
-        Half width of the window. Points count with weight 1/tau, as their certainty does.
+        Half width of the window, wider where it holds fewer than three points. Points count with
+        weight 1/tau, as their certainty does.
 
     Returns
     -------
@@ -161,11 +162,15 @@ def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> 
         Slope; -1 (white noise) where no two points are in reach.
     """
     slope = np.full(tau.size, -1.0)
+    near: NDArray[np.bool_] | NDArray[np.intp]
     good = variance > 0.0
     x, y = np.log10(tau[good]), np.log10(variance[good])
     for k, centre in enumerate(np.log10(tau)):
-        near = np.abs(x - centre) <= decades
-        if np.count_nonzero(near) < 2:
+        distance = np.abs(x - centre)
+        near = distance <= decades
+        if np.count_nonzero(near) < 3:  # sparse cluster times: the three nearest
+            near = np.argsort(distance)[:3]
+        if x[near].size < 2:
             continue
         weight = 10.0 ** -(x[near] - centre)
         dx = x[near] - np.average(x[near], weights=weight)

@@ -161,8 +161,12 @@ def _sum_of_squares(
                 c = _lag_covariance(s, m, n, white, walk, flicker, gm_variance, gm_time)
                 pairs = terms - max(0.0, s - (n - m))
                 total += 2.0 * half * weight * pairs * c * c
-    # The sum over integers against the integral (Euler-Maclaurin at the kinks of white noise),
-    # and quantisation, which lives at single lags.
+    # The sum over integers against the integral (Euler-Maclaurin at the kinks of w and of white
+    # noise), and quantisation, which lives at single lags.
+    c = _lag_covariance(n - m, m, n, white, walk, flicker, gm_variance, gm_time)
+    total += c * c / 6.0
+    c = _lag_covariance(end, m, n, white, walk, flicker, gm_variance, gm_time)
+    total -= c * c / 6.0
     for a in range(-1, 2):
         for b in range(-1, 2):
             s = b * n - a * m
