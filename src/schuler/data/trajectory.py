@@ -171,4 +171,5 @@ class NavigationSolution:
     def position_sd(self) -> FloatArray:
         """Standard deviations of position north, east, down, m, (n, 3)."""
         diagonal = np.diagonal(self.position_covariance, axis1=1, axis2=2)
-        return np.sqrt(np.maximum(diagonal, 0.0))
+        sd: FloatArray = np.sqrt(np.maximum(diagonal, 0.0))
+        return sd

@@ -14,18 +14,12 @@ from numpy.typing import NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigate.aiding import AidingSchedule
-from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
-from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.dead_reckoning import dead_reckon
+from schuler.navigate.rest import REST_GYRO, find_initial_rest, level_from_gravity, moves
 from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector, wahba
 
 FloatArray = NDArray[np.float64]
 
-# a vehicle at rest shows less than this in one-second means, engine running or not
-REST_ACCEL = 0.15
-REST_GYRO = np.radians(0.7)
-REST_SPEED = 0.3
-SHORTEST_REST = 2.0
 # seconds of motion used for the heading, tried in turn
 MATCH_LENGTHS = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
 # seconds used when the recording starts in motion
@@ -70,59 +64,6 @@ class Alignment:
     rest: tuple[float, float] | None
     method: str
     velocity: FloatArray
-
-
-def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, float] | None:
-    """Find the time at rest at the beginning of a recording.
-
-    One-second means of rate and force must stay near those of the first seconds, and GNSS
-    velocity, where there is one, near zero. Means are used because an engine that runs shakes
-    single samples more than driving does.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    gnss : GnssRecording
-        On the same time axis within a second.
-
-    Returns
-    -------
-    tuple of float or None
-        Start and end in s; None if there are less than two seconds.
-    """
-    block = max(round(imu.rate), 1)
-    count = imu.size // block
-    if count < 2:
-        return None
-    gyro = imu.gyro[: count * block].reshape(count, block, 3).mean(axis=1)
-    accel = imu.accel[: count * block].reshape(count, block, 3).mean(axis=1)
-    ends = imu.time[block - 1 : count * block : block]
-    quiet = np.ones(count, dtype=bool)
-    quiet &= np.abs(gyro - np.median(gyro[: min(count, 10)], axis=0)).max(axis=1) < REST_GYRO
-    quiet &= np.abs(accel - np.median(accel[: min(count, 10)], axis=0)).max(axis=1) < REST_ACCEL
-    if gnss.velocity is not None:
-        moving = gnss.time[_moves(gnss)]
-        if moving.size:
-            # half a second for the filters and delays of receivers
-            quiet &= ends < moving[0] - 0.5
-    stop = count if quiet.all() else int(np.argmin(quiet))
-    if stop < SHORTEST_REST:
-        return None
-    return float(imu.time[0]), float(ends[stop - 1])
-
-
-def _moves(gnss: GnssRecording) -> NDArray[np.bool_]:
-    """Epochs at which GNSS is sure to move: this one and the next are clear of their noise."""
-    assert gnss.velocity is not None
-    speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
-    threshold = np.full(gnss.size, REST_SPEED)
-    if gnss.velocity_sd is not None:
-        sd = gnss.velocity_sd[:, :2].max(axis=1)
-        threshold = np.maximum(threshold, np.where(np.isfinite(sd), 4.0 * sd, 0.0))
-    over: NDArray[np.bool_] = np.asarray(speed > threshold)
-    over[:-1] &= over[1:]
-    return over
 
 
 def align(
@@ -205,26 +146,6 @@ def _tilt_sd() -> float:
     return float(np.radians(1.0))
 
 
-def level_from_gravity(specific_force: FloatArray) -> FloatArray:
-    """Rotation into a level frame whose azimuth is arbitrary. Groves (5.101).
-
-    Parameters
-    ----------
-    specific_force : (3,) ndarray
-        Mean specific force at rest in the body frame, m/s².
-
-    Returns
-    -------
-    (3, 3) ndarray
-        Level (x, y, down) from body; its x axis is as near to the body's as can be.
-    """
-    down = -specific_force / np.linalg.norm(specific_force)
-    axis = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    first = axis - down * (axis @ down)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(down, first), down])
-
-
 def _at_rest(
     imu: ImuRecording, gnss: GnssRecording, rest: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray, float]:
@@ -239,52 +160,6 @@ def _at_rest(
     return level, gyro.mean(axis=0), float(np.hypot(spread / np.sqrt(count), 7.3e-5))
 
 
-def _still_model() -> SensorErrorModel:
-    return SensorErrorModel(
-        channel=np.empty(0, dtype=np.int64),
-        direction=np.empty((0, 3)),
-        drift=np.empty((0, 2)),
-        diffusion=np.empty((0, 2)),
-        partner=np.empty(0, dtype=np.int64),
-        initial_covariance=np.empty((0, 0)),
-        white_density=np.zeros(6),
-        names=(),
-    )
-
-
-def dead_reckon(
-    imu: ImuRecording, position: FloatArray, velocity: FloatArray, rotation: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Integrate an IMU without any aiding.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    position, velocity : (3,) ndarray
-        At the first sample.
-    rotation : (3, 3) ndarray
-        C_nb at the first sample.
-
-    Returns
-    -------
-    tuple of ndarray
-        Position (n, 3), velocity (n, 3) and rotation (n, 3, 3) at every sample.
-    """
-    nothing = AidingSchedule(
-        np.empty(0),
-        np.empty(0, dtype=np.int64),
-        np.empty((0, 3)),
-        np.empty((0, 3)),
-        np.empty((0, 3)),
-    )
-    start = InitialState(position, velocity, rotation, np.empty(0), np.zeros((9, 9)))
-    run = run_engine(
-        imu, start, _still_model(), nothing, gate=gate_thresholds(0.0), keep_nodes=False
-    )
-    return run.samples.position, run.samples.velocity, run.samples.rotation
-
-
 def _heading_from_motion(
     imu: ImuRecording,
     gnss: GnssRecording,
@@ -296,7 +171,7 @@ def _heading_from_motion(
 ) -> tuple[float, float, str]:
     """Angle about the vertical that takes the levelled frame to north."""
     assert gnss.velocity is not None
-    moving = np.flatnonzero((gnss.time + offset > rest[1]) & _moves(gnss))
+    moving = np.flatnonzero((gnss.time + offset > rest[1]) & moves(gnss))
     if not moving.size:
         raise NavigationError(
             "GNSS shows no motion after the rest at the start, so nothing tells the heading",

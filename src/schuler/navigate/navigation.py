@@ -18,13 +18,16 @@ from schuler.data import (
 )
 from schuler.errors import InputError, NavigationError
 from schuler.navigate.aiding import KIND_NAMES, AidingSchedule, require_overlap
-from schuler.navigate.alignment import align, find_initial_rest
+from schuler.navigate.alignment import align
 from schuler.navigate.engine import FilterRun, SampleOutputs, gate_thresholds, run_engine
 from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
+from schuler.navigate.likelihood import slower_imu
 from schuler.navigate.mounting import estimate_mounting
+from schuler.navigate.rest import find_initial_rest
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigate.smoother import smooth_run
-from schuler.navigate.tuning import find_time_offset, slower_imu, tune, velocity_lag
+from schuler.navigate.timing import find_time_offset, velocity_lag
+from schuler.navigate.tuning import tune
 from schuler.processes.noise_model import NoiseModel
 
 FloatArray = NDArray[np.float64]

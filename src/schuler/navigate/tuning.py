@@ -17,7 +17,7 @@ section 5.4; Harvey, Forecasting, Structural Time Series Models and the Kalman F
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
 from schuler.navigate.alignment import Alignment
-from schuler.navigate.engine import gate_thresholds, run_engine
 from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.likelihood import InnovationSequence, innovations, slower_imu, thin
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
 
 FloatArray = NDArray[np.float64]
@@ -36,8 +36,6 @@ FloatArray = NDArray[np.float64]
 THINNING = (0.0, 2.0, 5.0, 10.0)
 # prior: a factor of this many nepers is one standard deviation away from the base
 PRIOR_SD = 1.5
-# slowest IMU rate used while tuning (Hz)
-TUNING_RATE = 20.0
 # one unit of the search in time offset (s)
 OFFSET_UNIT = 0.01
 # step of the numerical derivatives, in nepers and offset units
@@ -48,8 +46,6 @@ LONGEST_SEARCH = 30
 # least factor on a receiver's standard deviations of position: innovations cannot see errors that
 # change slowly, so a smaller one would claim what nobody knows
 LEAST_POSITION_FACTOR = 0.5
-# innovations beyond this many standard deviations count with a Cauchy tail
-OUTLYING = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,204 +75,6 @@ class Tuning:
     evaluations: int
     converged: bool
     standard_errors: dict[str, float]
-
-
-def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
-    """Average neighbouring samples so that the rate is just above the given one.
-
-    Means of whole groups: the increments stay exact, only coning within a group is lost, which
-    is of no weight beside the noise that is being tuned.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    rate : float
-        Hz.
-
-    Returns
-    -------
-    ImuRecording
-        At `rate` or faster; the same recording if it is slow enough.
-    """
-    group = int(imu.rate / rate + 1e-6)
-    if group < 2:
-        return imu
-    count = (imu.size - 1) // group
-    stop = count * group + 1
-    step = np.diff(imu.time)[: stop - 1, None]
-    span = step.reshape(count, group, 1).sum(axis=1)
-
-    def mean(values: FloatArray) -> FloatArray:
-        sums = (values[1:stop] * step).reshape(count, group, 3).sum(axis=1)
-        return np.concatenate([values[:1], sums / span])
-
-    return replace(
-        imu,
-        time=imu.time[:stop:group],
-        gyro=mean(imu.gyro),
-        accel=mean(imu.accel),
-        temperature=None,
-        history=(*imu.history, f"means of {group} samples"),
-    )
-
-
-def thin(gnss: GnssRecording, interval: float) -> GnssRecording:
-    """Keep one epoch in every `interval` seconds.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        Any rate.
-    interval : float
-        Seconds; 0 keeps all.
-
-    Returns
-    -------
-    GnssRecording
-        The first epoch of every interval.
-    """
-    if interval <= 0.0:
-        return gnss
-    cell = np.floor((gnss.time - gnss.time[0]) / interval + 1e-6)
-    return gnss.select(np.concatenate([[True], np.diff(cell) > 0.0]))
-
-
-def velocity_lag(gnss: GnssRecording) -> float:
-    """Delay of a receiver's velocity behind its position, from GNSS alone.
-
-    Regression of (rate of position - velocity) on acceleration, horizontal components.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        With velocity.
-
-    Returns
-    -------
-    float
-        Seconds; positive if velocity is late; 0 where the data do not tell.
-    """
-    if gnss.velocity is None or gnss.size < 20:
-        return 0.0
-    from schuler.earth import ned_from_geodetic
-
-    step = np.diff(gnss.time)
-    local = ned_from_geodetic(gnss.position, gnss.position[0])[:, :2]
-    span = (gnss.time[2:] - gnss.time[:-2])[:, None]
-    regular = (span[:, 0] < 2.5 * np.median(step)) & (np.abs(np.diff(step)) < 0.1 * step[:-1])
-    if regular.sum() < 10:
-        return 0.0
-    rate = (local[2:] - local[:-2]) / span
-    velocity = gnss.velocity[:, :2]
-    acceleration = (velocity[2:] - velocity[:-2]) / span
-    left = (rate - velocity[1:-1])[regular].ravel()
-    a = acceleration[regular].ravel()
-    power = float(a @ a)
-    if power <= 0.0:
-        return 0.0
-    lag = float(left @ a) / power
-    sd = float(np.sqrt(np.mean((left - lag * a) ** 2) / power))
-    return lag if abs(lag) > 3.0 * sd and abs(lag) < 1.0 else 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class InnovationSequence:
-    """Scalar innovations (k,) and their claimed variances (k,), over one or several runs."""
-
-    value: FloatArray
-    variance: FloatArray
-
-    @property
-    def log_likelihood(self) -> float:
-        """Robust log-likelihood: Gaussian, with a Cauchy tail beyond `OUTLYING`."""
-        square = self.value**2 / self.variance
-        limit = OUTLYING**2
-        tail = limit * (1.0 + np.log(np.maximum(square, limit) / limit))
-        cost = np.where(square > limit, tail, square) + np.log(2.0 * np.pi * self.variance)
-        return float(-0.5 * cost.sum())
-
-    @property
-    def weight(self) -> FloatArray:
-        """Derivative of the cost by the normalised square: 1, and less in the tail."""
-        square = self.value**2 / self.variance
-        return np.minimum(1.0, OUTLYING**2 / np.maximum(square, 1e-300))
-
-
-def innovations(
-    imu: ImuRecording, gnss: Sequence[GnssRecording], setup: RunSetup
-) -> InnovationSequence:
-    """Filter a drive once for every thinning of GNSS and gather the innovations.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The run.
-    gnss : sequence of GnssRecording
-        The same drive, thinned; the first one gives the start.
-    setup : RunSetup
-        To be judged.
-
-    Returns
-    -------
-    InnovationSequence
-        In the order of the thinnings, then of time.
-    """
-    initial = setup.initial_state(imu, gnss[0])
-    gate = gate_thresholds(0.0)
-    scalars = [
-        run_engine(
-            imu,
-            initial,
-            setup.model,
-            setup.schedule(imu, fixes),
-            gate=gate,
-            keep_samples=False,
-            keep_nodes=False,
-            node_interval=1e9,
-        ).aiding.scalar
-        for fixes in gnss
-    ]
-    flat = np.concatenate([s.reshape(-1, 2) for s in scalars])
-    used = flat[:, 1] > 0.0
-    return InnovationSequence(flat[used, 0], flat[used, 1])
-
-
-def find_time_offset(
-    imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, reach: float = 1.0
-) -> float:
-    """Coarse search for the offset common to position and velocity, by likelihood.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The run, at a low rate.
-    gnss : GnssRecording
-        Epochs that may be looked at.
-    setup : RunSetup
-        Its offsets are the centre of the search.
-    reach : float
-        Largest offset looked for, s.
-
-    Returns
-    -------
-    float
-        Seconds to add to both offsets, to about 0.02 s.
-    """
-
-    def value(shift: float) -> float:
-        offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
-        return innovations(imu, [gnss], replace(setup, offsets=offsets)).log_likelihood
-
-    shifts = np.arange(-reach, reach + 0.05, 0.1)
-    values = np.array([value(s) for s in shifts])
-    best = int(np.argmax(values))
-    if 0 < best < shifts.size - 1:
-        left, top, right = values[best - 1 : best + 2]
-        bend = left - 2.0 * top + right
-        if bend < 0.0:
-            return float(shifts[best] + 0.05 * (left - right) / bend)
-    return float(shifts[best])
 
 
 def tune(

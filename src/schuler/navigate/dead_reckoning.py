@@ -1,0 +1,59 @@
+"""An IMU alone: strapdown without any aiding."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import ImuRecording
+from schuler.navigate.aiding import AidingSchedule
+from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigate.error_model import SensorErrorModel
+
+FloatArray = NDArray[np.float64]
+
+
+def dead_reckon(
+    imu: ImuRecording, position: FloatArray, velocity: FloatArray, rotation: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Integrate an IMU without any aiding.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    position, velocity : (3,) ndarray
+        At the first sample.
+    rotation : (3, 3) ndarray
+        C_nb at the first sample.
+
+    Returns
+    -------
+    tuple of ndarray
+        Position (n, 3), velocity (n, 3) and rotation (n, 3, 3) at every sample.
+    """
+    nothing = AidingSchedule(
+        np.empty(0),
+        np.empty(0, dtype=np.int64),
+        np.empty((0, 3)),
+        np.empty((0, 3)),
+        np.empty((0, 3)),
+    )
+    start = InitialState(position, velocity, rotation, np.empty(0), np.zeros((9, 9)))
+    run = run_engine(
+        imu, start, _still_model(), nothing, gate=gate_thresholds(0.0), keep_nodes=False
+    )
+    return run.samples.position, run.samples.velocity, run.samples.rotation
+
+
+def _still_model() -> SensorErrorModel:
+    return SensorErrorModel(
+        channel=np.empty(0, dtype=np.int64),
+        direction=np.empty((0, 3)),
+        drift=np.empty((0, 2)),
+        diffusion=np.empty((0, 2)),
+        partner=np.empty(0, dtype=np.int64),
+        initial_covariance=np.empty((0, 0)),
+        white_density=np.zeros(6),
+        names=(),
+    )

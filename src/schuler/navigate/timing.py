@@ -1,0 +1,86 @@
+"""Offsets of time: of a receiver's velocity behind its position, and of GNSS against the IMU."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.navigate.likelihood import innovations
+from schuler.navigate.setup import RunSetup, TimeOffsets
+
+
+def velocity_lag(gnss: GnssRecording) -> float:
+    """Delay of a receiver's velocity behind its position, from GNSS alone.
+
+    Regression of (rate of position - velocity) on acceleration, horizontal components.
+
+    Parameters
+    ----------
+    gnss : GnssRecording
+        With velocity.
+
+    Returns
+    -------
+    float
+        Seconds; positive if velocity is late; 0 where the data do not tell.
+    """
+    if gnss.velocity is None or gnss.size < 20:
+        return 0.0
+    from schuler.earth import ned_from_geodetic
+
+    step = np.diff(gnss.time)
+    local = ned_from_geodetic(gnss.position, gnss.position[0])[:, :2]
+    span = (gnss.time[2:] - gnss.time[:-2])[:, None]
+    regular = (span[:, 0] < 2.5 * np.median(step)) & (np.abs(np.diff(step)) < 0.1 * step[:-1])
+    if regular.sum() < 10:
+        return 0.0
+    rate = (local[2:] - local[:-2]) / span
+    velocity = gnss.velocity[:, :2]
+    acceleration = (velocity[2:] - velocity[:-2]) / span
+    left = (rate - velocity[1:-1])[regular].ravel()
+    a = acceleration[regular].ravel()
+    power = float(a @ a)
+    if power <= 0.0:
+        return 0.0
+    lag = float(left @ a) / power
+    sd = float(np.sqrt(np.mean((left - lag * a) ** 2) / power))
+    return lag if abs(lag) > 3.0 * sd and abs(lag) < 1.0 else 0.0
+
+
+def find_time_offset(
+    imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, reach: float = 1.0
+) -> float:
+    """Coarse search for the offset common to position and velocity, by likelihood.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The run, at a low rate.
+    gnss : GnssRecording
+        Epochs that may be looked at.
+    setup : RunSetup
+        Its offsets are the centre of the search.
+    reach : float
+        Largest offset looked for, s.
+
+    Returns
+    -------
+    float
+        Seconds to add to both offsets, to about 0.02 s.
+    """
+
+    def value(shift: float) -> float:
+        offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
+        return innovations(imu, [gnss], replace(setup, offsets=offsets)).log_likelihood
+
+    shifts = np.arange(-reach, reach + 0.05, 0.1)
+    values = np.array([value(float(s)) for s in shifts])
+    best = int(np.argmax(values))
+    if 0 < best < shifts.size - 1:
+        left, top, right = values[best - 1 : best + 2]
+        bend = left - 2.0 * top + right
+        if bend < 0.0:
+            return float(shifts[best] + 0.05 * (left - right) / bend)
+    return float(shifts[best])
