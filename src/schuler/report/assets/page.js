@@ -42,11 +42,16 @@
     } };
   };
   const data = new Map();
+  // A plot follows its column, also when a scroll bar appears or a page is turned.
+  const sizes = "ResizeObserver" in window
+    ? new ResizeObserver((entries) => { for (const e of entries) if (e.contentRect.width) Plotly.Plots.resize(e.target); })
+    : null;
   const draw = (element) => {
     const k = element.dataset.figure;
     if (!data.has(k)) data.set(k, JSON.parse(document.getElementById("figure-" + k).textContent));
     const figure = data.get(k), styles = palette();
     const layout = { ...dress(figure.layout, styles), template: template(styles), autosize: true, height: figure.height };
+    if (!element.dataset.drawn && sizes) sizes.observe(element);
     element.dataset.drawn = "yes";
     return Plotly.react(element, dress(figure.traces, styles), layout, {
       displayModeBar: false, responsive: true, showTips: false,

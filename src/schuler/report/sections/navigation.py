@@ -20,7 +20,7 @@ from schuler.report.sections.registry import register
 from schuler.report.sections.uncertainty import uncertainty_section
 
 FloatArray = NDArray[np.float64]
-TRACK_POINTS = 4000
+TRACK_POINTS = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,9 +170,11 @@ def _found(settings: dict[str, Any]) -> Table:
     )
 
 
-def _local(position: FloatArray, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _local(
+    position: FloatArray, origin: FloatArray, points: int = TRACK_POINTS
+) -> tuple[FloatArray, FloatArray]:
     """Return east and north in m of a thinned track."""
-    step = max(position.shape[0] // TRACK_POINTS, 1)
+    step = -(-position.shape[0] // points)
     ned = ned_from_geodetic(position[::step], origin)
     return ned[:, 1], ned[:, 0]
 
@@ -230,7 +232,7 @@ def _outage_paths(run: NavigationResults, origin: FloatArray) -> list[dict[str, 
         inside = (trajectory.time >= start) & (trajectory.time <= stop)
         if not inside.any():
             continue
-        east, north = _local(trajectory.position[inside], origin)
+        east, north = _local(trajectory.position[inside], origin, 300)
         since = number(start - float(trajectory.time[0]), 4)
         paths.append(_path(east, north, "@outage/0.45", f"without GNSS from {since} s", 7.0))
     return paths
