@@ -179,9 +179,11 @@ def _heading_from_motion(
             cure="give the heading with --heading",
             where=gnss.name,
         )
-    begin = max(rest[0], float(gnss.time[moving[0]]) + offset - 3.0)
-    part = _without_bias(imu.between(begin, begin + MATCH_LENGTHS[-1] + 5.0), bias)
-    near = int(np.argmin(np.abs(gnss.time + offset - begin)))
+    begin = float(gnss.time[moving[0]]) + offset - 3.0
+    # from the end of the rest, as the vehicle may turn before GNSS is there to see it
+    first = max(rest[0], min(begin, rest[1] - 1.0))
+    part = _without_bias(imu.between(first, begin + MATCH_LENGTHS[-1] + 5.0), bias)
+    near = int(np.argmin(np.abs(gnss.time + offset - first)))
     _, velocity, rotation = dead_reckon(part, gnss.position[near], np.zeros(3), level)
     best: tuple[float, float] | None = None
     for length in MATCH_LENGTHS:
