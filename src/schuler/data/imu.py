@@ -73,9 +73,7 @@ class ImuRecording:
         object.__setattr__(self, "gyro", gyro)
         object.__setattr__(self, "accel", accel)
         if self.temperature is not None:
-            object.__setattr__(
-                self, "temperature", frozen(self.temperature, "temperature", (n,))
-            )
+            object.__setattr__(self, "temperature", frozen(self.temperature, "temperature", (n,)))
 
     @property
     def size(self) -> int:
