@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,6 +62,18 @@ def test_json_on_standard_output_is_alone_there(
     assert outcome.code == 0
     assert json.loads(outcome.out)["rate_hz"] == pytest.approx(50.0)
     assert "white noise N" in outcome.err
+
+
+def test_a_terminal_without_unicode_is_no_reason_to_fail(recordings: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "schuler", "characterize", str(recordings / "static.parquet")],
+        capture_output=True,
+        check=False,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert b"white noise N" in done.stdout
+    assert done.stdout.isascii()
 
 
 def test_strict_is_a_check(recordings: Path, tmp_path: Path, call: Callable[..., Outcome]) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schuler.report.figures import band, encode, limits, line, marks, plain, thin
-from schuler.report.numbers import duration, number, with_error
+from schuler.report.numbers import compact_with_error, duration, number, with_error
 
 
 def decoded(values: dict[str, str]) -> np.ndarray:
@@ -95,6 +95,20 @@ def test_numbers_carry_their_error_to_its_second_digit(
     value: float, error: float, text: str
 ) -> None:
     assert with_error(value, error) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.24123, 0.00083, "0.24123(83)"),
+        (6.981e-5, 1.2e-7, "6.981(12)·10⁻⁵"),
+        (123.4, 5.6, "123.4(5.6)"),
+        (142.0, 41.0, "142(41)"),
+        (2.5, 0.0, "2.500"),
+    ],
+)
+def test_compact_errors_are_those_of_the_last_digits(value: float, error: float, text: str) -> None:
+    assert compact_with_error(value, error) == text
 
 
 def test_numbers_and_durations_for_people() -> None:

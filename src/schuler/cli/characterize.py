@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from schuler.identify import ImuCharacterization
 
 MOST_FINDINGS = 8
+NARROW = 110
+"""Columns below which errors are written in brackets."""
 
 
 def characterize(
@@ -130,7 +132,8 @@ def show_characterization(
     from schuler.report.sections.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")
-    columns, rows = parameter_rows(result.noise_model, "datasheet")
+    narrow = screen.console.width < NARROW
+    columns, rows = parameter_rows(result.noise_model, "datasheet", short=True, compact=narrow)
     screen.table(columns, rows, words=2)
     for text in result.findings:
         screen.finding("info", text)

@@ -156,7 +156,9 @@ class Screen:
 
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="dim")
         for k, heading in enumerate(columns):
-            table.add_column(plain_text(heading), justify="left" if k < words else "right")
+            table.add_column(
+                plain_text(heading), justify="left" if k < words else "right", no_wrap=k < words
+            )
         for row in rows:
             table.add_row(*(plain_text(cell) for cell in row))
         self.console.print(table)

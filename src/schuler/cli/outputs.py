@@ -55,7 +55,7 @@ def json_text(value: Any) -> str:
     str
         Indented JSON with a newline at its end.
     """
-    return json.dumps(plain_values(value), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    return json.dumps(plain_values(value), indent=2, allow_nan=False) + "\n"
 
 
 class Outputs:

@@ -61,6 +61,30 @@ def with_error(value: float, error: float) -> str:
     return text if plain else f"({text})·10{str(power).translate(_SUPERSCRIPT)}"
 
 
+def compact_with_error(value: float, error: float) -> str:
+    """Return a number with the error of its last two digits in brackets.
+
+    Parameters
+    ----------
+    value : float
+        The estimate.
+    error : float
+        Its standard error; not finite or zero: unknown.
+
+    Returns
+    -------
+    str
+        E.g. ``"0.24123(83)"``, which is 0.24123 ± 0.00083.
+    """
+    text = with_error(value, error)
+    if "±" not in text:
+        return text
+    body, _, power = text.removeprefix("(").partition(")")
+    first, _, second = body.partition(" ± ")
+    digits = second.replace(".", "").lstrip("0") if float(second) < 1.0 else second
+    return f"{first}({digits}){power}"
+
+
 def percent(share: float) -> str:
     """Return a share as a percentage.
 

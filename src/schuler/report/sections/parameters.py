@@ -7,14 +7,14 @@ from typing import Literal
 
 from schuler.processes.noise_model import NoiseModel
 from schuler.processes.noise_model_file import parameter_kind
-from schuler.report.numbers import MISSING, number, with_error
+from schuler.report.numbers import MISSING, compact_with_error, number, with_error
 from schuler.report.sections.recording import pretty
 from schuler.units import kind_of, scale
 
 WORDS = {
     "white_noise.density": "white noise N",
     "quantization.step_density": "quantisation Q",
-    "gauss_markov.sigma": "Gauss-Markov sigma",
+    "gauss_markov.sigma": "Gauss-Markov σ",
     "gauss_markov.correlation_time": "Gauss-Markov T",
     "bias_instability.level": "bias instability B",
     "random_walk.density": "random walk K",
@@ -37,7 +37,11 @@ def _place(key: str) -> tuple[str, int]:
 
 
 def parameter_rows(
-    model: NoiseModel, units: Literal["datasheet", "si"]
+    model: NoiseModel,
+    units: Literal["datasheet", "si"],
+    *,
+    short: bool = False,
+    compact: bool = False,
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """Return a noise model as a table.
 
@@ -47,6 +51,10 @@ def parameter_rows(
         Processes with standard errors, and limits of what was not found.
     units : {"datasheet", "si"}
         In which units.
+    short : bool
+        Leave out what was not found on any axis, but for the random walk that everybody asks for.
+    compact : bool
+        Write errors in brackets, for narrow terminals.
 
     Returns
     -------
@@ -61,6 +69,9 @@ def parameter_rows(
         present = [c for c in channels if c in model.channels]
         places = {_place(k) for c in present for k in model.process(c).parameters}
         places |= {_place(k) for c in present for k in model.limits.get(c, {})}
+        found = {_place(k) for c in present for k in model.process(c).parameters}
+        if short:
+            places = {p for p in places if p in found or p[0] == "random_walk.density"}
         shown = sorted((p for p in places if p[0] in WORDS), key=_order)
         for name, count in shown:
             kind = kind_of(parameter_kind(present[0], name) or "scale factor")
@@ -69,7 +80,7 @@ def parameter_rows(
             words = WORDS[name]
             if any((name, k) in shown for k in (2, 3, 4)):
                 words = words.replace("Gauss-Markov", f"Gauss-Markov {count}")
-            cells = [_cell(model, c, (name, count), factor) for c in channels]
+            cells = [_cell(model, c, (name, count), factor, compact) for c in channels]
             first = (name, count) == shown[0]
             rows.append((sensor if first else "", words, pretty(unit), *cells))
     return ("sensor", "parameter", "unit", "x", "y", "z"), tuple(rows)
@@ -82,13 +93,16 @@ def _order(place: tuple[str, int]) -> tuple[int, int, int]:
     return kinds.index(place[0].split(".")[0]), place[1], names.index(place[0])
 
 
-def _cell(model: NoiseModel, channel: str, place: tuple[str, int], factor: float) -> str:
+def _cell(
+    model: NoiseModel, channel: str, place: tuple[str, int], factor: float, compact: bool
+) -> str:
     if channel not in model.channels:
         return MISSING
     errors = model.standard_errors.get(channel, {})
     for key, value in model.process(channel).parameters.items():
         if _place(key) == place:
-            return with_error(value / factor, errors.get(key, 0.0) / factor)
+            write = compact_with_error if compact else with_error
+            return write(value / factor, errors.get(key, 0.0) / factor)
     for key, limit in model.limits.get(channel, {}).items():
         if _place(key) == place:
             return f"< {number(limit / factor)}"
