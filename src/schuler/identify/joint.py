@@ -26,6 +26,7 @@ from schuler.identify.selection import rough_process, select_structure
 from schuler.identify.slopes import SlopeReadings, slope_method
 from schuler.processes import (
     BiasInstability,
+    GaussMarkov,
     Process,
     ProcessSum,
     Quantization,
@@ -39,7 +40,8 @@ FloatArray = NDArray[np.float64]
 _POINTS_PER_DECADE = 5.0
 _LONGEST_FRACTION = 3
 _SHORTEST_RECORD = 100
-_BAND_EDGE = 10
+_BAND_EDGES = (10, 50)
+_FASTEST = 1.5
 _FEWEST_POINTS = 12
 _LOOKED_FOR: tuple[Process, ...] = (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0))
 
@@ -308,36 +310,53 @@ def _fit(
     """Fit; where that fails, leave out the fastest points, then grant a discrepancy.
 
     A sensor's own low-pass filter correlates neighbouring samples, which none of the processes
-    describes and no navigation filter feels: the first ten samples may be left out. In the end
-    the scatter follows the fitted process.
+    describes and no navigation filter feels. So the first ten samples are left out where they do
+    not fit, and the first fifty where the fit would spend a Gauss-Markov noise on them.
     """
+    edges = [1, *(e for e in _BAND_EDGES if points.slower_than(e).tau.size >= _FEWEST_POINTS)]
+    whole = points
+    for edge in edges:
+        points = whole.slower_than(edge)
+        scatter, granted = _probe(points, parts)
+        if granted > 0.0 and edge == 1 and len(edges) > 1:
+            continue
+        fit, scatter, candidates = _settle(points, parts, scatter.with_discrepancy(granted))
+        if parts is not None or not _filter_of_the_sensor(fit, points):
+            break
+    return points, fit, scatter, candidates
 
-    def probe(points: CurvePoints) -> tuple[Scatter, float]:
-        """Whether anything fits: the given structure, or many terms at once."""
-        rough = rough_process(points)
-        scatter = scatter_of(rough, points)
-        rich = fit_structure(rough.parts if parts is None else parts, points, scatter, 25)
-        return scatter, _discrepancy(rich, points, scatter)
 
-    scatter, granted = probe(points)
-    slow = points.slower_than(_BAND_EDGE)
-    if granted > 0.0 and slow.tau.size >= _FEWEST_POINTS:
-        points = slow
-        scatter, granted = probe(points)
+def _filter_of_the_sensor(fit: StructureFit, points: CurvePoints) -> bool:
+    """Whether a Gauss-Markov noise describes only the fastest points."""
+    edge = _FASTEST * points.tau[0]
+    return any(isinstance(p, GaussMarkov) and p.correlation_time < edge for p in fit.parts)
+
+
+def _probe(points: CurvePoints, parts: tuple[Process, ...] | None) -> tuple[Scatter, float]:
+    """Find out whether anything fits: the given structure, or many terms at once."""
+    rough = rough_process(points)
+    scatter = scatter_of(rough, points)
+    rich = fit_structure(rough.parts if parts is None else parts, points, scatter, 25)
+    return scatter, _discrepancy(rich, points, scatter)
+
+
+def _settle(
+    points: CurvePoints, parts: tuple[Process, ...] | None, scatter: Scatter
+) -> tuple[StructureFit, Scatter, dict[str, float]]:
+    """Choose the structure, then let the scatter follow the fitted process."""
     candidates: dict[str, float] = {}
     if parts is None:
-        scatter = scatter.with_discrepancy(granted)
         fit, candidates = select_structure(points, scatter)
     else:
-        fit = fit_structure(parts, points, scatter.with_discrepancy(granted))
+        fit = fit_structure(parts, points, scatter)
     for _ in range(2):
-        scatter = scatter_of(_scattering(fit.process), points, granted)
+        scatter = scatter_of(_scattering(fit.process), points, scatter.discrepancy)
         fit = fit_structure(fit.parts, points, scatter)
     more = _discrepancy(fit, points, scatter)
-    if more != granted:
+    if more != scatter.discrepancy:
         scatter = scatter.with_discrepancy(more)
         fit = fit_structure(fit.parts, points, scatter)
-    return points, fit, scatter, candidates
+    return fit, scatter, candidates
 
 
 def _scattering(process: ProcessSum) -> Process:
