@@ -6,7 +6,9 @@ next to nothing.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -119,10 +121,44 @@ __all__ = [
 ]
 
 
+class _VerbRoom(ModuleType):
+    """A room named like its verb: `schuler.identify` is the package and can be called.
+
+    Importing a room puts it into this namespace under its name, over a function of that name;
+    so the room itself answers as the verb, whichever is met first.
+    """
+
+    @property
+    def _verb(self) -> Any:
+        return self.__dict__[self.__name__.rpartition(".")[2]]
+
+    @property
+    def __signature__(self) -> Any:
+        from inspect import signature
+
+        return signature(self._verb)
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return self._verb(*arguments, **options)
+
+
+class _Package(ModuleType):
+    """The package itself: rooms that are verbs are made callable when they are imported."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if isinstance(value, ModuleType) and _HOME_OF.get(name) == value.__name__:
+            value.__class__ = _VerbRoom
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
 def __getattr__(name: str) -> Any:
     if name not in _HOME_OF:
         raise AttributeError(f"module 'schuler' has no attribute '{name}'")
-    value = getattr(import_module(_HOME_OF[name]), name)
+    home = import_module(_HOME_OF[name])
+    value = home if home.__name__ == f"{__name__}.{name}" else getattr(home, name)
     globals()[name] = value
     return value
 
