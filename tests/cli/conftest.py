@@ -3,30 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from outcome import ACCEL_N, GYRO_N, Outcome
 
 from schuler.cli import main
 from schuler.processes import NoiseModel, WhiteNoise
 from schuler.simulate import car_urban, ideal_imu, simulate_gnss, simulate_imu, simulate_static
-
-
-@dataclass(frozen=True)
-class Outcome:
-    code: int
-    out: str
-    err: str
-
-    def one_line(self) -> str:
-        """The error: one line on standard error, never a traceback."""
-        lines = self.err.strip().splitlines()
-        assert len(lines) == 1, self.err
-        assert "Traceback" not in self.err
-        assert lines[0].startswith("schuler: ")
-        return lines[0]
 
 
 @pytest.fixture
@@ -38,9 +23,6 @@ def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
         return Outcome(code, captured.out, captured.err)
 
     return run
-
-
-GYRO_N, ACCEL_N = 1e-4, 1e-3
 
 
 @pytest.fixture(scope="session")

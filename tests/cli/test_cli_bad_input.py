@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars
 import pytest
-
-from conftest import Outcome
+from outcome import Outcome
 
 HEADER = "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import json
 import os
 import re
@@ -14,8 +16,9 @@ import numpy as np
 import polars
 import pytest
 import yaml
+from outcome import ACCEL_N, GYRO_N, Outcome
 
-from conftest import ACCEL_N, GYRO_N, Outcome
+import schuler.cli
 from schuler.processes import NoiseModel
 
 
@@ -212,3 +215,24 @@ def test_demo_on_recordings_goes_the_whole_way(
     for title in ("Noise", "Screening", "Track", "Innovations", "Outages", "provenance"):
         assert title in page
     assert "report.html" in outcome.out
+
+
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+def test_warm_calls_every_kernel_that_is_called_from_outside(call: Callable[..., Outcome]) -> None:
+    outcome = call("warm")
+    assert outcome.code == 0, outcome.err
+    rooms = Path(schuler.cli.__file__).parents[1]
+    called = set()
+    for source in rooms.rglob("*.py"):
+        if source.parent.name == "kernels":
+            continue
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("schuler.kernels."):
+                called |= {(str(node.module), name.name) for name in node.names}
+    kernels = {
+        key: found
+        for key in called
+        if hasattr(found := getattr(importlib.import_module(key[0]), key[1]), "signatures")
+    }
+    assert len(kernels) >= 4
+    assert [key for key, found in kernels.items() if not found.signatures] == []

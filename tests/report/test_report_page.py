@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import circle, gnss, solution
+from report_examples import circle, gnss, solution
 
 from schuler.data.imu import ImuRecording
 from schuler.errors import InputError

@@ -77,13 +77,15 @@ def example_static() -> ImuRecording:
     )
 
 
-def example_drive(duration: float) -> ExampleDrive:
+def example_drive(duration: float, standstill: float = 60.0) -> ExampleDrive:
     """Return a drive through a town.
 
     Parameters
     ----------
     duration : float
         Seconds.
+    standstill : float
+        Seconds at rest before the drive.
 
     Returns
     -------
@@ -95,7 +97,7 @@ def example_drive(duration: float) -> ExampleDrive:
     from schuler.simulate import car_urban, ideal_imu, simulate_gnss, simulate_imu
 
     rng = np.random.default_rng(SEEDS["drive"])
-    profile: Profile = car_urban(duration, rng)
+    profile: Profile = car_urban(duration, rng, standstill=standstill)
     imu = simulate_imu(
         ideal_imu(profile, EXAMPLE_RATE), example_noise(), rng, name="simulated drive"
     )

@@ -22,16 +22,16 @@ def _navigate() -> None:
     from schuler.cli.example import example_drive, example_noise
     from schuler.navigate import navigate
 
-    drive = example_drive(100.0)
-    for smooth in (False, True):
-        navigate(drive.imu, drive.gnss, example_noise(), smooth=smooth)
+    drive = example_drive(120.0, standstill=20.0)
+    navigate(drive.imu, drive.gnss, example_noise(), smooth=True)
+    navigate(drive.imu, drive.gnss)  # without a noise model the drive tunes it
 
 
 def _outages() -> None:
     from schuler.cli.example import example_drive, example_noise
     from schuler.evaluate.outages import evaluate_outages
 
-    drive = example_drive(100.0)
+    drive = example_drive(120.0, standstill=20.0)
     evaluate_outages(drive.imu, drive.gnss, example_noise(), windows=((60.0, 10.0),))
 
 
