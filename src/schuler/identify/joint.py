@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -42,6 +42,7 @@ _LONGEST_FRACTION = 3
 _SHORTEST_RECORD = 100
 _BAND_EDGES = (10, 50)
 _FASTEST = 1.5
+_HOPELESS = 0.03
 _FEWEST_POINTS = 12
 _LOOKED_FOR: tuple[Process, ...] = (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0))
 
@@ -291,8 +292,6 @@ def _start(model: str | Process, points: CurvePoints) -> tuple[Process, ...] | N
 
 def _scaled(part: Process, points: CurvePoints) -> Process:
     """Give a part an amplitude below the curve, whatever its start value."""
-    from dataclasses import replace
-
     from schuler.identify.curve_fit import FREE
 
     if not FREE[part.kind]:
@@ -317,10 +316,15 @@ def _fit(
     whole = points
     for edge in edges:
         points = whole.slower_than(edge)
+        last = edge == edges[-1]
         scatter, granted = _probe(points, parts)
-        if granted > 0.0 and edge == 1 and len(edges) > 1:
-            continue
+        if edge == 1 and not last:
+            if granted > _HOPELESS:
+                continue
+            granted = 0.0
         fit, scatter, candidates = _settle(points, parts, scatter.with_discrepancy(granted))
+        if edge == 1 and not last and scatter.discrepancy > 0.0:
+            continue
         if parts is not None or not _filter_of_the_sensor(fit, points):
             break
     return points, fit, scatter, candidates
@@ -349,12 +353,16 @@ def _settle(
         fit, candidates = select_structure(points, scatter)
     else:
         fit = fit_structure(parts, points, scatter)
+    granted = scatter.discrepancy
     for _ in range(2):
-        scatter = scatter_of(_scattering(fit.process), points, scatter.discrepancy)
+        scatter = scatter_of(_scattering(fit.process), points, granted)
         fit = fit_structure(fit.parts, points, scatter)
-    more = _discrepancy(fit, points, scatter)
-    if more != scatter.discrepancy:
-        scatter = scatter.with_discrepancy(more)
+    # the many terms of the probe need not have converged: what the chosen ones need counts
+    exact = scatter.with_discrepancy(0.0)
+    strict = fit_structure(fit.parts, points, exact)
+    needed = _discrepancy(replace(strict, parts=fit.parts), points, exact)
+    if needed != granted:
+        scatter = scatter.with_discrepancy(needed)
         fit = fit_structure(fit.parts, points, scatter)
     return fit, scatter, candidates
 
@@ -376,7 +384,7 @@ def _discrepancy(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> fl
     low, high = 1e-5, 3.0
     for _ in range(12):
         middle = math.sqrt(low * high)
-        again = fit_structure(fit.parts, points, scatter.with_discrepancy(middle), iterations=15)
+        again = fit_structure(fit.parts, points, scatter.with_discrepancy(middle), iterations=25)
         low, high = (middle, high) if again.chi_square > freedom else (low, middle)
     return math.sqrt(low * high)
 
