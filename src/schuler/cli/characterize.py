@@ -62,14 +62,14 @@ def characterize(
     from schuler.characterize.screening import repair as repair_recording
     from schuler.characterize.screening import screen
     from schuler.cli.console import Screen, say
-    from schuler.cli.loading import load_imu, say_if_compiling
+    from schuler.cli.loading import load_imu, say_when_compiling, title_of
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.scale.progress import progress
 
     outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
     imu = load_imu(file, (reading or ImuReading()).options(repair=repair))
-    say_if_compiling()
+    say_when_compiling()
     with progress("Screening"):
         screening = screen(imu)
         if repair:
@@ -78,6 +78,7 @@ def characterize(
         from schuler.identify import characterize_imu
 
         result = characterize_imu(imu)
+    origin = command_provenance(inputs=(file,), settings={"repair": repair})
     if report is not None:
         from schuler.report import render_report
 
@@ -85,11 +86,12 @@ def characterize(
             result,
             screening,
             imu,
-            title=f"Noise of {imu.name}",
-            provenance=command_provenance(inputs=(file,), settings={"repair": repair}),
+            title=f"Noise of {title_of(file)}",
+            provenance=origin,
         )
         outputs.text(report, lambda: page)
-    outputs.text(json, lambda: json_text(result.to_dict()))
+    more = {"screening": screening.to_dict(), "provenance": origin.to_dict()}
+    outputs.text(json, lambda: json_text(result.to_dict() | more))
     outputs.text(noise_out, result.noise_model.to_yaml)
     if kalibr is not None:
         from schuler.export.kalibr import kalibr_yaml

@@ -70,13 +70,13 @@ def demo(*, data: Path | None = None, out: Path = Path("schuler-demo")) -> int:
         Folder for the report and the other files; made when missing.
     """
     from schuler.cli.console import Screen
-    from schuler.cli.loading import say_if_compiling
+    from schuler.cli.loading import say_when_compiling
     from schuler.cli.outputs import Outputs
 
     if out.exists() and not out.is_dir():
         raise InputError("is a file", expected="a folder for the results", where=str(out))
     material = find_recordings(data) if data is not None else simulated()
-    say_if_compiling()
+    say_when_compiling()
     existed = out.exists()
     out.mkdir(parents=True, exist_ok=True)
     try:

@@ -78,12 +78,47 @@ def load_noise(path: Path | None) -> NoiseModel | None:
     return NoiseModel.load(path)
 
 
-def say_if_compiling() -> None:
-    """Tell once that the first run on a machine compiles, so that the wait is understood."""
-    from schuler.kernels.compile import cache_is_cold
+def say_when_compiling() -> None:
+    """Tell once, when the first kernel is compiled on this machine, so that the wait is understood.
 
-    if cache_is_cold():
-        say("first run on this machine: compiling the kernels once (see `schuler warm`) ...")
+    Nothing is said when all kernels come from the cache, or when the input turns out to be bad
+    before any kernel is needed.
+    """
+    from numba.core import event
+
+    import schuler.kernels.compile  # noqa: F401  decides where compiled kernels are kept
+
+    class Watch(event.Listener):  # type: ignore[misc]
+        def on_start(self, event: object) -> None:
+            if not _told:
+                _told.append(True)
+                say("first run on this machine: compiling the kernels once, about half a minute")
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    if not _told:
+        event.register("numba:compile", Watch())
+
+
+_told: list[bool] = []
+
+
+def title_of(path: Path) -> str:
+    """Return how people would name a recording: its folder and its file.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+
+    Returns
+    -------
+    str
+        E.g. ``"rtk-drive/imu"``.
+    """
+    whole = path.resolve()
+    return whole.name if whole.is_dir() else f"{whole.parent.name}/{whole.stem}".lstrip("/")
 
 
 def parse_numbers(text: str, count: int, what: str, separator: str = ",") -> tuple[float, ...]:

@@ -65,7 +65,7 @@ def navigate(
     from math import radians
 
     from schuler.cli.console import Screen
-    from schuler.cli.loading import load_noise, parse_numbers, say_if_compiling
+    from schuler.cli.loading import load_noise, parse_numbers, say_when_compiling, title_of
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.export.trajectory import check_trajectory_name, write_trajectory
@@ -79,7 +79,7 @@ def navigate(
     arm = parse_numbers(lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0")
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
-    say_if_compiling()
+    say_when_compiling()
     with progress("Navigating") as shown:
         cut, setup = prepare(
             recording,
@@ -100,7 +100,7 @@ def navigate(
 
         page = render_report(
             NavigationResults(causal, smoothed, fixes),
-            title=f"Navigation of {recording.name}",
+            title=f"Navigation of {title_of(imu)}",
             provenance=command_provenance(inputs=inputs, settings=best.settings),
         )
         outputs.text(report, lambda: page)

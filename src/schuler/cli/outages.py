@@ -60,7 +60,7 @@ def outages(
         How to read the files.
     """
     from schuler.cli.console import Screen, say
-    from schuler.cli.loading import load_noise, parse_numbers, say_if_compiling
+    from schuler.cli.loading import load_noise, parse_numbers, say_when_compiling, title_of
     from schuler.cli.navigate import load_drive
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.evaluate.outages import evaluate_outages
@@ -72,13 +72,13 @@ def outages(
     arm = parse_numbers(lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0")
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
-    say_if_compiling()
+    say_when_compiling()
     with progress("Evaluating outages") as shown:
         evaluation = evaluate_outages(
             recording, fixes, model, lever_arm=arm, progress=shown.say, **which
         )
     if report is not None:
-        page = _page(evaluation, fixes, recording.name, inputs, which)
+        page = _page(evaluation, fixes, title_of(imu), inputs, which)
         outputs.text(report, lambda: page)
     outputs.text(json, lambda: json_text(evaluation.to_dict()))
     written = outputs.commit()
