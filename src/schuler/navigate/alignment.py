@@ -24,6 +24,8 @@ FloatArray = NDArray[np.float64]
 MATCH_LENGTHS = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
 # seconds used when the recording starts in motion
 MOTION_WINDOW = 20.0
+# rounds of bias from level and level from bias
+MOTION_ROUNDS = 4
 # gyro biases found in motion (rad/s): slopes and leans of the vehicle over the window
 MOTION_GYRO_SD = np.radians(0.5)
 # a heading known worse than this (rad) is no start
@@ -287,19 +289,24 @@ def _align_in_motion(
             where=gnss.name,
         )
     epochs, seen = time[inside], gnss.velocity[inside]
-    level = level_from_gravity(window.accel.mean(axis=0))
-    bias = window.gyro.mean(axis=0) - level[2] * _turn_rate(epochs, seen)
-    still = _without_bias(window, bias)
-    step = np.diff(still.time, prepend=still.time[0])[:, None]
-    turned = _attitude_history(still.gyro * step)
-    force = np.cumsum(np.einsum("kij,kj->ki", turned, still.accel * step), axis=0)
-    felt = np.column_stack([np.interp(epochs, still.time, force[:, i]) for i in range(3)])
     span = max(1, round(MATCH_SPAN / float(np.median(np.diff(epochs)))))
-    a = felt[span:] - felt[:-span]
     near = gnss.position[int(np.argmax(inside))]
     pull = np.array([0.0, 0.0, float(gravity(near[0], near[2]))])
     b = seen[span:] - seen[:-span] - pull * (epochs[span:] - epochs[:-span])[:, None]
-    rotation = wahba(a, b)
+    level = level_from_gravity(window.accel.mean(axis=0))
+    rate, turn = _mean_rates(window, epochs, seen)
+    down = level[2]
+    # curves tilt the mean force: the down of one round puts the bias of the next right
+    for _ in range(MOTION_ROUNDS):
+        bias = rate - down * turn
+        still = _without_bias(window, bias)
+        step = np.diff(still.time, prepend=still.time[0])[:, None]
+        turned = _attitude_history(still.gyro * step)
+        force = np.cumsum(np.einsum("kij,kj->ki", turned, still.accel * step), axis=0)
+        felt = np.column_stack([np.interp(epochs, still.time, force[:, i]) for i in range(3)])
+        a = felt[span:] - felt[:-span]
+        rotation = wahba(b, a)
+        down = np.einsum("kij,i->j", turned, rotation[2]) / turned.shape[0]
     left = b - a @ rotation.T
     horizontal = a - np.outer(a @ rotation[2], rotation[2])
     power = float(np.sum(horizontal**2))
@@ -330,13 +337,21 @@ def _align_in_motion(
     )
 
 
-def _turn_rate(time: FloatArray, velocity: FloatArray) -> float:
-    """Mean rate of the course (rad/s), by regression over the epochs that are fast enough."""
-    fast = np.linalg.norm(velocity[:, :2], axis=1) > 2.0
-    if fast.sum() < 3:
-        return 0.0
+def _mean_rates(
+    imu: ImuRecording, time: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, float]:
+    """Mean of the gyros and of the rate of the course (rad/s) over one and the same time.
+
+    From the first to the last epoch that is fast enough for a course: a slope fitted in between
+    would count a turn in the middle of the time one and a half times.
+    """
+    fast = np.flatnonzero(np.linalg.norm(velocity[:, :2], axis=1) > 2.0)
+    if fast.size < 3:
+        return imu.gyro.mean(axis=0), 0.0
+    first, last = time[fast[0]], time[fast[-1]]
     course = np.unwrap(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
-    return float(np.polyfit(time[fast] - time[0], course, 1)[0])
+    part = imu.between(float(first), float(last))
+    return part.gyro.mean(axis=0), float((course[-1] - course[0]) / (last - first))
 
 
 def _attitude_history(increments: FloatArray) -> FloatArray:
