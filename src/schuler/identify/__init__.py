@@ -1,7 +1,8 @@
 """From signals to processes, with standard errors."""
 
 from schuler.identify.characterization import ImuCharacterization, characterize_imu
-from schuler.identify.joint import FitDiagnostics, Identification, identify, identify_curve
+from schuler.identify.identification import FitDiagnostics, Identification
+from schuler.identify.joint import identify, identify_curve
 from schuler.identify.replicates import Agreement, compare_runs
 
 __all__ = [

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from schuler.characterize.allan import allan_deviation
 from schuler.data.imu import ImuRecording
 from schuler.errors import EstimationError, SchulerError
-from schuler.identify.joint import Identification, fit_factors, identify_curve
+from schuler.identify.identification import Identification
+from schuler.identify.joint import fit_factors, identify_curve
 from schuler.processes import NoiseModel, Process
 from schuler.processes.gauss_markov import FLICKER_LEVEL
 from schuler.units import format_value

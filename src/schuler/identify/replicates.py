@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from schuler.errors import EstimationError
-from schuler.identify.joint import Identification
+from schuler.identify.identification import Identification
 
 
 @dataclass(frozen=True, slots=True)
