@@ -1,0 +1,366 @@
+"""Generalised method of wavelet moments: the fit of processes to one or several curves.
+
+Minimises sum over curves of (nu_hat - nu(theta))' Omega (nu_hat - nu(theta)) over the logarithms
+of the parameters, Omega the inverse covariance of nu_hat under the model itself, computed again
+at the estimate until it stands (Guerrier, Skaloud, Stebler, Victoria-Feser 2013, JASA 108:1021;
+spec 10).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.characterize.confidence import allan_covariance
+from schuler.characterize.wavelet_variance import WaveletVarianceCurve, robust_inflation
+from schuler.identify.curve_fit import FREE, CurvePoints, Scatter, free_parameters
+from schuler.processes import Process, ProcessSum, WhiteNoise
+
+FloatArray = NDArray[np.float64]
+Names = tuple[tuple[int, str], ...]
+
+_LOADING = 1e-3
+_STEP = 1e-4
+_NOTHING = 1e-9
+_QUIET = ("rate_ramp", "turn_on_bias", "sinusoid")
+
+
+def relative_covariance(process: Process, curve: WaveletVarianceCurve) -> FloatArray:
+    """Covariance of an estimated wavelet variance over the product of its expectations.
+
+    Parameters
+    ----------
+    process : Process
+        What the signal is. Ramps, constants and sinusoids do not scatter.
+    curve : WaveletVarianceCurve
+        For scales, length and how outliers were held back.
+
+    Returns
+    -------
+    (t, t) ndarray
+        From Gaussian fourth moments (`allan_covariance`); for robust curves with the scatter of
+        the M-estimate.
+    """
+    random = tuple(p for p in process.components if p.kind not in _QUIET)
+    noise: Process = ProcessSum(random) if random else WhiteNoise(1.0)
+    dt, factors = 1.0 / curve.rate, curve.factors
+    if curve.robust == "samples":
+        added = WhiteNoise(math.sqrt(max(curve.excess_variance, 0.0) * dt))
+        full = noise + added
+        relative = allan_covariance(full, factors, curve.samples, dt)
+        share = full.wavelet_variance(curve.scale) / process.wavelet_variance(curve.scale)
+        relative *= np.outer(share, share)
+        # the sample variance of the drawn signal is replaced by the M-estimate
+        white = curve.core_variance + curve.excess_variance
+        own = curve.core_error**2 - 2.0 * white**2 / curve.samples
+        filters = 0.5 / factors / process.wavelet_variance(curve.scale)
+        relative += own * np.outer(filters, filters)
+        _keep_positive(relative)
+    else:
+        relative = allan_covariance(noise, factors, curve.samples, dt)
+        if curve.robust == "coefficients":
+            stretch = np.sqrt(robust_inflation(factors, curve.efficiency))
+            relative *= np.outer(stretch, stretch)
+    relative += np.diag(_LOADING * np.diag(relative))
+    return relative
+
+
+def _keep_positive(matrix: FloatArray) -> None:
+    """Lift eigenvalues of the correlation matrix that came out at or below zero, in place."""
+    diagonal = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(diagonal, diagonal))
+    if values[0] < 1e-6:
+        lifted = (vectors * np.maximum(values, 1e-6)) @ vectors.T
+        matrix[:] = lifted * np.outer(diagonal, diagonal)
+
+
+def pooled_points(curves: Sequence[WaveletVarianceCurve]) -> CurvePoints:
+    """Average curves of one sensor, each by the number of its coefficients.
+
+    Parameters
+    ----------
+    curves : sequence of WaveletVarianceCurve
+        At one rate.
+
+    Returns
+    -------
+    CurvePoints
+        Allan variances (twice the wavelet variances) at the scales that all curves have.
+    """
+    shared = curves[0].factors
+    for curve in curves[1:]:
+        shared = np.intersect1d(shared, curve.factors)
+    rows = [np.searchsorted(c.factors, shared) for c in curves]
+    weight = np.array([c.samples + 1 - 2 * shared for c in curves], dtype=np.float64)
+    weight /= weight.sum(axis=0)
+    variance = np.array([c.variance[r] for c, r in zip(curves, rows, strict=True)])
+    freedom = np.array([c.degrees_of_freedom[r] for c, r in zip(curves, rows, strict=True)])
+    return CurvePoints(
+        tau=shared / curves[0].rate,
+        variance=2.0 * np.sum(weight * variance, axis=0),
+        factors=shared,
+        samples=max(c.samples for c in curves),
+        dt=1.0 / curves[0].rate,
+        degrees_of_freedom=np.sum(freedom, axis=0),
+    )
+
+
+def pooled_scatter(
+    process: Process, curves: Sequence[WaveletVarianceCurve], points: CurvePoints
+) -> Scatter:
+    """Scatter of the logarithms of averaged curves, for the choice of the structure.
+
+    Parameters
+    ----------
+    process : Process
+        As far as it is known.
+    curves : sequence of WaveletVarianceCurve
+        The curves.
+    points : CurvePoints
+        Their average.
+
+    Returns
+    -------
+    Scatter
+        With the log-chi-square moments.
+    """
+    from scipy.special import digamma, polygamma
+
+    total = math.fsum(c.samples for c in curves)
+    relative = np.zeros((points.tau.size, points.tau.size))
+    for curve in curves:
+        rows = np.searchsorted(curve.factors, points.factors)
+        share = curve.samples / total
+        relative += share**2 * relative_covariance(process, curve)[np.ix_(rows, rows)]
+    half = 1.0 / np.diag(relative)
+    stretch = np.sqrt(polygamma(1, half) * half)
+    sampling = relative * np.outer(stretch, stretch)
+    return Scatter.of(sampling, np.asarray(digamma(half) - np.log(half)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MomentFit:
+    """The parameters of one structure by wavelet moments.
+
+    Parameters
+    ----------
+    parts : tuple of Process
+        Fitted.
+    names : tuple of (int, str)
+        Part and field of every free parameter.
+    log_covariance : (p, p) ndarray
+        Sandwich covariance of the logarithms of the parameters.
+    chi_square : float
+        J, the whitened misfit.
+    degrees_of_freedom : int
+        Scales of all curves less parameters.
+    wvic : float
+        J plus twice the optimism tr(Omega cov(nu_hat, nu(theta_hat))): 2 p where Omega is the
+        inverse covariance.
+    converged : bool
+        Every minimisation ended by itself and the weights stood.
+    """
+
+    parts: tuple[Process, ...]
+    names: Names
+    log_covariance: FloatArray
+    chi_square: float
+    degrees_of_freedom: int
+    wvic: float
+    converged: bool
+
+    @property
+    def process(self) -> ProcessSum:
+        """The fitted sum."""
+        return ProcessSum(self.parts)
+
+    @property
+    def logs(self) -> FloatArray:
+        """Logarithms of the free parameters."""
+        return _logs(self.parts, self.names)
+
+
+def _logs(parts: Sequence[Process], names: Names) -> FloatArray:
+    return np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
+
+
+def with_logs(parts: Sequence[Process], names: Names, logs: FloatArray) -> tuple[Process, ...]:
+    """Return the parts with other values of their free parameters.
+
+    Parameters
+    ----------
+    parts : sequence of Process
+        A structure.
+    names : tuple of (int, str)
+        Part and field of every free parameter.
+    logs : (p,) ndarray
+        Logarithms of the values.
+
+    Returns
+    -------
+    tuple of Process
+        In the same order.
+    """
+    values: list[dict[str, float]] = [{} for _ in parts]
+    for (k, name), log in zip(names, logs, strict=True):
+        values[k][name] = math.exp(log)
+    return tuple(
+        replace(p, **v) if v else p  # type: ignore[type-var]
+        for p, v in zip(parts, values, strict=True)
+    )
+
+
+def _moments(
+    parts: Sequence[Process], names: Names, logs: FloatArray, scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Wavelet variance (t,) of the model and its derivatives (t, p) by the logarithms."""
+    now = with_logs(parts, names, logs)
+    components = [p.wavelet_variance(scale) for p in now]
+    jacobian = np.empty((scale.size, len(names)))
+    for j, (k, name) in enumerate(names):
+        if name == FREE[now[k].kind][0]:
+            jacobian[:, j] = 2.0 * components[k]
+        else:
+            moved = replace(now[k], **{name: math.exp(logs[j] + _STEP)})  # type: ignore[type-var]
+            jacobian[:, j] = (moved.wavelet_variance(scale) - components[k]) / _STEP
+    return np.asarray(np.sum(components, axis=0)), jacobian
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Weighted:
+    """One curve with the weights of one step."""
+
+    scale: FloatArray
+    variance: FloatArray
+    reference: FloatArray
+    whitener: FloatArray
+
+    @classmethod
+    def of(cls, curve: WaveletVarianceCurve, process: Process, discrepancy: float) -> _Weighted:
+        from scipy.linalg import solve_triangular
+
+        total = relative_covariance(process, curve)
+        total += discrepancy**2 * np.eye(len(total))
+        lower = np.linalg.cholesky(total)
+        whitener = np.asarray(solve_triangular(lower, np.eye(len(total)), lower=True))
+        reference = process.wavelet_variance(curve.scale)
+        return cls(curve.scale, curve.variance, reference, whitener)
+
+    def residual(
+        self, parts: Sequence[Process], names: Names, logs: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Whitened misfit (t,) and derivatives of the whitened model (t, p)."""
+        model, jacobian = _moments(parts, names, logs, self.scale)
+        relative = (self.variance - model) / self.reference
+        return self.whitener @ relative, self.whitener @ (jacobian / self.reference[:, None])
+
+
+def _stacked(
+    weighted: Sequence[_Weighted], parts: Sequence[Process], names: Names, logs: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    pairs = [w.residual(parts, names, logs) for w in weighted]
+    return np.concatenate([r for r, _ in pairs]), np.concatenate([j for _, j in pairs])
+
+
+def _minimise(
+    parts: Sequence[Process],
+    names: Names,
+    logs: FloatArray,
+    weighted: Sequence[_Weighted],
+    bounds: tuple[float, float],
+) -> tuple[FloatArray, bool]:
+    """Levenberg-Marquardt with fixed weights; correlation times stay within bounds."""
+    times = np.array([n == "correlation_time" for _, n in names], dtype=bool)
+    residual, slopes = _stacked(weighted, parts, names, logs)
+    cost, damping = float(residual @ residual), 1e-3
+    for _ in range(60):
+        normal, gradient = slopes.T @ slopes, slopes.T @ residual
+        scale = np.diag(np.maximum(np.diag(normal), 1e-8))
+        step = np.clip(np.linalg.solve(normal + damping * scale, gradient), -1.0, 1.0)
+        trial = logs + step
+        trial[times] = np.clip(trial[times], *bounds)
+        residual_there, slopes_there = _stacked(weighted, parts, names, trial)
+        cost_there = float(residual_there @ residual_there)
+        if cost_there <= cost:
+            gained = cost - cost_there
+            logs, residual, slopes, cost = trial, residual_there, slopes_there, cost_there
+            damping = max(0.1 * damping, 1e-9)
+            if gained < 1e-7 * (1.0 + cost):
+                return logs, True
+        else:
+            damping *= 10.0
+            if damping > 1e10:
+                return logs, True
+    return logs, False
+
+
+def fit_moments(
+    parts: Sequence[Process],
+    curves: Sequence[WaveletVarianceCurve],
+    discrepancy: float = 0.0,
+    steps: int = 6,
+) -> MomentFit:
+    """Fit a structure to the wavelet variances of one or several records.
+
+    Parameters
+    ----------
+    parts : sequence of Process
+        Structure and start values near the solution, amplitudes above zero.
+    curves : sequence of WaveletVarianceCurve
+        One a record; lengths may differ.
+    discrepancy : float
+        Relative standard deviation of a wavelet variance by which no model is better.
+    steps : int
+        Times that the weights are computed at most, at least two.
+
+    Returns
+    -------
+    MomentFit
+        With sandwich covariance, J and information criterion.
+    """
+    names = free_parameters(parts)
+    logs, fitted, standing = _logs(parts, names), tuple(parts), False
+    bounds = (
+        math.log(min(c.scale[0] for c in curves)),
+        math.log(20.0 * max(c.duration for c in curves)),
+    )
+    ended = True
+    for step in range(steps):
+        weighted = [_Weighted.of(c, ProcessSum(fitted), discrepancy) for c in curves]
+        before = logs
+        logs, ended = _minimise(parts, names, logs, weighted, bounds)
+        fitted = with_logs(parts, names, logs)
+        # a parameter that has vanished may go on sinking
+        seen = np.sum(_stacked(weighted, parts, names, logs)[1] ** 2, axis=0) > 1e-2
+        moved = np.abs(logs - before)[seen]
+        standing = step > 0 and (moved.size == 0 or float(np.max(moved)) < 1e-3)
+        if standing:
+            break
+    residual, slopes = _stacked(weighted, parts, names, logs)
+    final = [_Weighted.of(c, ProcessSum(fitted), discrepancy) for c in curves]
+    bread = np.linalg.inv(slopes.T @ slopes + np.diag(np.full(len(names), _NOTHING)))
+    meat, optimism, row = np.zeros((len(names), len(names))), 0.0, 0
+    for used, now in zip(weighted, final, strict=True):
+        part = slopes[row : row + used.scale.size]
+        row += used.scale.size
+        # covariance under the final model, seen through the weights that were used
+        ratio = (now.reference / used.reference)[:, None] * np.linalg.inv(now.whitener)
+        root = part.T @ (used.whitener @ ratio)
+        meat += root @ root.T
+    sandwich = bread @ meat @ bread
+    optimism = float(np.trace(bread @ meat))
+    chi_square = float(residual @ residual)
+    return MomentFit(
+        parts=fitted,
+        names=names,
+        # what the curve says nothing about keeps a very large variance
+        log_covariance=sandwich + np.diag(np.where(np.diag(bread) > 1e6, 1e6, 0.0)),
+        chi_square=chi_square,
+        degrees_of_freedom=row - len(names),
+        wvic=chi_square + 2.0 * optimism,
+        converged=ended and standing,
+    )
