@@ -1,0 +1,598 @@
+"""ARMA models of a signal by exact maximum likelihood, with errors that can be trusted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.errors import InputError
+from schuler.identify.arma_likelihood import Likelihood, innovations, scores, split
+from schuler.identify.arma_search import Climb, climb, search
+from schuler.identify.residual_tests import ResidualTests, residual_tests
+from schuler.identify.signals import checked_signal, outlier_flag
+from schuler.processes.arma import ARMA, poles_of, zeros_of
+
+FloatArray = NDArray[np.float64]
+ErrorKind = Literal["outer_product", "information", "robust"]
+
+CONVERGED = 1e-6
+"""Squared distance to the maximum, in standard errors, up to which a fit counts as converged."""
+UNIT_ROOT = 1e-4
+COMMON_FACTOR = 0.02
+_COMMON_FACTOR_GAIN = 15.0
+_RECORD_OF_A_POLE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ArmaCandidate:
+    """One order of a selection.
+
+    Parameters
+    ----------
+    p, q : int
+        Orders.
+    log_likelihood, aic, bic : float
+        On the same samples for all orders.
+    rejected : str
+        Why it cannot be chosen; empty if it can.
+    """
+
+    p: int
+    q: int
+    log_likelihood: float
+    aic: float
+    bic: float
+    rejected: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArmaFit:
+    """x(t) = constant + sum phi_i x(t-i) + e(t) + sum theta_j e(t-j), fitted.
+
+    Parameters
+    ----------
+    phi : (p,) ndarray
+        Autoregressive coefficients.
+    theta : (q,) ndarray
+        Moving-average coefficients.
+    mean : float
+        Mean of the signal in u.
+    constant : float
+        mean (1 - sum phi), S000's nu, in u.
+    innovation_variance : float
+        Of e, in u².
+    covariance : (p + q + 2, p + q + 2) ndarray
+        Of mean, phi, theta, innovation variance; the kind that was asked for.
+    standard_errors : dict of str to float
+        By "phi_1", ..., "theta_1", ..., "mean", "constant", "innovation_variance".
+    robust_standard_errors : dict of str to float
+        The same from the sandwich, which stays right when the variance of e changes with time.
+    t_values, p_values : dict of str to float
+        Value over standard error and its two-sided probability, for phi, theta, mean, constant.
+    log_likelihood, aic, bic : float
+        Exact; p + q + 2 parameters.
+    samples : int
+        Length of the signal.
+    rate : float
+        Samples a second, for `process`.
+    converged : bool
+        The slope of the exact likelihood is zero at an inner point.
+    flags : tuple of str
+        What to know before use; empty if nothing.
+    diagnostics : ResidualTests or None
+        Tests of the innovations.
+    candidates : tuple of ArmaCandidate
+        The orders that `select_arma` compared.
+    """
+
+    phi: FloatArray
+    theta: FloatArray
+    mean: float
+    constant: float
+    innovation_variance: float
+    covariance: FloatArray
+    standard_errors: dict[str, float]
+    robust_standard_errors: dict[str, float]
+    t_values: dict[str, float]
+    p_values: dict[str, float]
+    log_likelihood: float
+    aic: float
+    bic: float
+    samples: int
+    rate: float
+    converged: bool
+    flags: tuple[str, ...]
+    diagnostics: ResidualTests | None
+    candidates: tuple[ArmaCandidate, ...] = ()
+
+    @property
+    def order(self) -> tuple[int, int]:
+        """Orders p and q."""
+        return self.phi.size, self.theta.size
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Poles in the z plane, slowest first."""
+        return poles_of(self.phi)
+
+    @property
+    def zeros(self) -> NDArray[np.complex128]:
+        """Zeros in the z plane, slowest first."""
+        return zeros_of(self.theta)
+
+    @property
+    def process(self) -> ARMA:
+        """The process of the samples, without the mean."""
+        phi, theta = tuple(self.phi.tolist()), tuple(self.theta.tolist())
+        return ARMA(phi, theta, self.innovation_variance, 1.0 / self.rate)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by the names of the standard errors."""
+        return {
+            **{f"phi_{i}": float(v) for i, v in enumerate(self.phi, 1)},
+            **{f"theta_{j}": float(v) for j, v in enumerate(self.theta, 1)},
+            "mean": self.mean,
+            "constant": self.constant,
+            "innovation_variance": self.innovation_variance,
+        }
+
+    def residuals(self, signal: ArrayLike) -> FloatArray:
+        """One-step prediction errors of a signal; only the past of each sample is used.
+
+        Parameters
+        ----------
+        signal : (n,) array_like
+            In the unit and at the rate of the fit.
+
+        Returns
+        -------
+        (n,) ndarray
+            In u; the first few have more variance than the innovation variance.
+        """
+        values = checked_signal(signal, 1, varying=False)
+        scale = math.sqrt(self.innovation_variance)
+        coefficients = np.concatenate([self.phi, self.theta])
+        found = innovations((values - self.mean) / scale, coefficients, self.phi.size)
+        return np.asarray(found.residual * np.exp(0.5 * found.log_variance) * scale)
+
+    def predict(self, signal: ArrayLike) -> FloatArray:
+        """One-step predictions, the conditional mean given the past of each sample.
+
+        Parameters
+        ----------
+        signal : (n,) array_like
+            In the unit and at the rate of the fit.
+
+        Returns
+        -------
+        (n,) ndarray
+            In u; the first is the mean.
+        """
+        return np.asarray(np.asarray(signal, dtype=np.float64) - self.residuals(signal))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON, SI."""
+        return {
+            "p": self.order[0],
+            "q": self.order[1],
+            "parameters": {
+                key: {
+                    "value": value,
+                    "standard_error": self.standard_errors[key],
+                    "robust_standard_error": self.robust_standard_errors[key],
+                    "t_value": self.t_values.get(key),
+                    "p_value": self.p_values.get(key),
+                }
+                for key, value in self.values.items()
+            },
+            "poles": [[float(r.real), float(r.imag)] for r in self.poles],
+            "zeros": [[float(r.real), float(r.imag)] for r in self.zeros],
+            "log_likelihood": self.log_likelihood,
+            "aic": self.aic,
+            "bic": self.bic,
+            "samples": self.samples,
+            "rate": self.rate,
+            "converged": self.converged,
+            "flags": list(self.flags),
+            "diagnostics": self.diagnostics.to_dict() if self.diagnostics else None,
+            "candidates": [
+                {
+                    "p": c.p,
+                    "q": c.q,
+                    "log_likelihood": c.log_likelihood,
+                    "aic": c.aic,
+                    "bic": c.bic,
+                    "rejected": c.rejected,
+                }
+                for c in self.candidates
+            ],
+        }
+
+
+def fit_arma(
+    signal: ArrayLike, p: int, q: int, *, rate: float = 1.0, errors: ErrorKind = "outer_product"
+) -> ArmaFit:
+    """Fit an ARMA(p, q) with a mean by exact Gaussian maximum likelihood.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples in any unit u; scaled inside.
+    p, q : int
+        Number of autoregressive and moving-average coefficients.
+    rate : float
+        Samples a second; only `process` depends on it.
+    errors : {"outer_product", "information", "robust"}
+        Where standard errors come from: the outer product of the scores, the expected
+        information, or the sandwich of both, which alone is right when the variance of the
+        innovations changes with time. The sandwich is always in `robust_standard_errors`.
+
+    Returns
+    -------
+    ArmaFit
+        Stationary and invertible; read its flags.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional, not finite, negative orders.
+    EstimationError
+        Too few samples for the order, or a signal that does not vary.
+
+    Notes
+    -----
+    Spec 5.1, S000 (10) and (11). Hannan-Rissanen and other starts are compared on a segment; the
+    best are refined on the whole record by Gauss-Newton steps, each judged by the exact
+    likelihood, until the slope of the exact likelihood is zero.
+    """
+    _check_orders(p, q)
+    values = checked_signal(signal, 10 + 5 * (p + q))
+    centre, scale = float(values.mean()), float(values.std())
+    unit = (values - centre) / scale
+    best = search(unit, p, q)
+    return finish(unit, best, p, centre, scale, rate, errors, _cancelling(unit, best, p))
+
+
+def _check_orders(p: int, q: int) -> None:
+    if int(p) != p or int(q) != q or p < 0 or q < 0:
+        raise InputError(f"orders ({p}, {q})", expected="whole numbers, zero or above")
+
+
+def finish(
+    unit: FloatArray,
+    best: Climb,
+    p: int,
+    centre: float,
+    scale: float,
+    rate: float,
+    errors: ErrorKind,
+    warnings: tuple[str, ...] = (),
+    candidates: tuple[ArmaCandidate, ...] = (),
+) -> ArmaFit:
+    """Turn the maximum of a scaled signal into estimates with errors, tests and flags.
+
+    Parameters
+    ----------
+    unit : (n,) ndarray
+        (signal - centre)/scale.
+    best : Climb
+        Its maximum.
+    p : int
+        Number of phi.
+    centre, scale : float
+        In u.
+    rate : float
+        Samples a second.
+    errors : {"outer_product", "information", "robust"}
+        As for `fit_arma`.
+    warnings : tuple of str
+        Flags found before.
+    candidates : tuple of ArmaCandidate
+        Orders that were compared.
+
+    Returns
+    -------
+    ArmaFit
+        In u.
+    """
+    n, k = unit.size, best.coefficients.size
+    phi, theta = split(best.coefficients, p)
+    _, information, outer = scores(unit, best.coefficients, p, best.at)
+    covariances, singular = _covariances(information, outer)
+    if errors not in covariances:
+        raise InputError(f"errors '{errors}'", expected=f"one of {', '.join(covariances)}")
+    back = np.concatenate([[scale], np.ones(k), [scale**2]])
+    chosen = covariances[errors] * np.outer(back, back)
+    robust = covariances["robust"] * np.outer(back, back)
+    mean = centre + scale * best.at.mean
+    gain = 1.0 - float(phi.sum())
+    standard_errors = _named_errors(chosen, p, k - p, mean, gain)
+    residual = innovations(unit - best.at.mean, best.coefficients, p).residual
+    tests = residual_tests(residual, fitted_parameters=k)
+    value = best.at.value - n * math.log(scale)
+    fit = ArmaFit(
+        phi=phi,
+        theta=theta,
+        mean=mean,
+        constant=mean * gain,
+        innovation_variance=best.at.variance * scale**2,
+        covariance=chosen,
+        standard_errors=standard_errors,
+        robust_standard_errors=_named_errors(robust, p, k - p, mean, gain),
+        t_values={},
+        p_values={},
+        log_likelihood=value,
+        aic=2.0 * (k + 2) - 2.0 * value,
+        bic=math.log(n) * (k + 2) - 2.0 * value,
+        samples=n,
+        rate=rate,
+        converged=_converged(best, p, n) and not singular,
+        flags=(*warnings, *_flags(best, p, residual, tests, singular)),
+        diagnostics=tests,
+        candidates=candidates,
+    )
+    for key, estimate in fit.values.items():
+        if key != "innovation_variance":
+            t = estimate / standard_errors[key]
+            fit.t_values[key] = t
+            fit.p_values[key] = math.erfc(abs(t) / math.sqrt(2.0))
+    return fit
+
+
+def _covariances(information: FloatArray, outer: FloatArray) -> tuple[dict[str, FloatArray], bool]:
+    """Covariances by kind, and whether some direction of the parameters is not determined."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    by = np.outer(scale, scale)
+    inverses, singular = [], False
+    for matrix in (information, outer):
+        values, vectors = np.linalg.eigh(matrix * by)
+        singular = singular or bool(values[0] < 1e-9 * values[-1])
+        values = np.maximum(values, 1e-12 * values[-1])
+        inverses.append((vectors / values) @ vectors.T * by)
+    expected, product = inverses
+    sandwich = expected @ outer @ expected
+    return {"outer_product": product, "information": expected, "robust": sandwich}, singular
+
+
+def _named_errors(
+    covariance: FloatArray, p: int, q: int, mean: float, gain: float
+) -> dict[str, float]:
+    spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    # constant = mean (1 - sum phi)
+    slope = np.concatenate([[gain], np.full(p, -mean), np.zeros(q + 1)])
+    constant = math.sqrt(max(float(slope @ covariance @ slope), 1e-300))
+    return {
+        **{f"phi_{i}": float(spread[i]) for i in range(1, p + 1)},
+        **{f"theta_{j}": float(spread[p + j]) for j in range(1, q + 1)},
+        "mean": float(spread[0]),
+        "constant": constant,
+        "innovation_variance": float(spread[-1]),
+    }
+
+
+def _converged(best: Climb, p: int, n: int) -> bool:
+    """Zero slope, and no root so near the circle that the maximum is not inside."""
+    phi, theta = split(best.coefficients, p)
+    slowest = max((float(abs(r[0])) for r in (poles_of(phi), zeros_of(theta)) if r.size), default=0)
+    return best.distance < CONVERGED and 1.0 - slowest > 1e-6 and n * (1.0 - slowest) > 1.0
+
+
+def _flags(
+    best: Climb, p: int, residual: FloatArray, tests: ResidualTests | None, singular: bool
+) -> tuple[str, ...]:
+    flags = []
+    n = residual.size
+    if best.distance >= CONVERGED:
+        flags.append("not converged: the likelihood still rises")
+    if singular:
+        flags.append("not identified: some combination of the coefficients is not determined")
+    flags += edge_flags(best.coefficients, p, n)
+    outlier = outlier_flag(residual)
+    if outlier:
+        flags.append(outlier)
+    if tests and tests.arch_lm.p_value < 1e-3:
+        flags.append(
+            "changing variance: the innovations are heteroskedastic (ARCH-LM "
+            f"p = {tests.arch_lm.p_value:.1g}); use robust_standard_errors, fit a GARCH"
+        )
+    if tests and tests.ljung_box_robust.p_value < 1e-3:
+        flags.append(
+            "correlation left: the innovations are not white (robust Ljung-Box "
+            f"p = {tests.ljung_box_robust.p_value:.1g}); try higher orders"
+        )
+    return tuple(flags)
+
+
+def edge_flags(coefficients: FloatArray, p: int, n: int) -> list[str]:
+    """Say which roots are too near the unit circle for the record.
+
+    Parameters
+    ----------
+    coefficients : (p + q,) ndarray
+        phi, theta.
+    p : int
+        Number of phi.
+    n : int
+        Samples.
+
+    Returns
+    -------
+    list of str
+        Empty if none.
+    """
+    phi, theta = split(coefficients, p)
+    limit = max(UNIT_ROOT, _RECORD_OF_A_POLE / n)
+    flags = []
+    if phi.size and 1.0 - abs(poles_of(phi)[0]) < limit:
+        flags.append(
+            f"unit root: a pole of modulus {abs(poles_of(phi)[0]):.8f} cannot be told from a "
+            "random walk or ramp by this record; remove the trend or model a RandomWalk"
+        )
+    if theta.size and 1.0 - abs(zeros_of(theta)[0]) < UNIT_ROOT:
+        flags.append(
+            f"unit zero: a zero of modulus {abs(zeros_of(theta)[0]):.8f} lies on the unit circle; "
+            "the signal was differenced once too often or has a constant part taken out"
+        )
+    return flags
+
+
+def nearest_pair(coefficients: FloatArray, p: int) -> tuple[float, complex, complex]:
+    """Distance between the closest pole and zero, and both; infinite if there is no pair.
+
+    Parameters
+    ----------
+    coefficients : (p + q,) ndarray
+        phi, theta.
+    p : int
+        Number of phi.
+
+    Returns
+    -------
+    tuple of float and two complex
+        Distance, pole, zero.
+    """
+    phi, theta = split(coefficients, p)
+    if not (phi.size and theta.size):
+        return math.inf, 0j, 0j
+    poles, zeros = poles_of(phi), zeros_of(theta)
+    apart = np.abs(poles[:, None] - zeros[None, :])
+    i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
+    return float(apart[i, j]), complex(poles[i]), complex(zeros[j])
+
+
+def is_common_factor(distance: float, at: Likelihood, without: Likelihood) -> bool:
+    """Tell whether a close pair of pole and zero may be taken out.
+
+    A slow Gauss-Markov noise under much white noise is a close pair too, but one that the
+    likelihood holds on to; a pair that cancels gains next to nothing.
+
+    Parameters
+    ----------
+    distance : float
+        Between pole and zero.
+    at, without : Likelihood
+        With the pair, and of the model of both orders less one.
+
+    Returns
+    -------
+    bool
+        True for a common factor (spec 5.1: closer than 0.02).
+    """
+    return distance <= COMMON_FACTOR and 2.0 * (at.value - without.value) < _COMMON_FACTOR_GAIN
+
+
+def _cancelling(unit: FloatArray, best: Climb, p: int) -> tuple[str, ...]:
+    """Say so where a pole and a zero cancel."""
+    distance, pole, zero = nearest_pair(best.coefficients, p)
+    if distance > COMMON_FACTOR:
+        return ()
+    q = best.coefficients.size - p
+    smaller = search(unit, p - 1, q - 1, rough=True)
+    if not is_common_factor(distance, best.at, smaller.at):
+        return ()
+    return (
+        f"common factor: pole {pole:.4f} and zero {zero:.4f} cancel, "
+        f"ARMA({p}, {q}) reduces to ARMA({p - 1}, {q - 1})",
+    )
+
+
+def select_arma(
+    signal: ArrayLike,
+    max_p: int = 4,
+    max_q: int = 4,
+    *,
+    criterion: Literal["aic", "bic"] = "aic",
+    rate: float = 1.0,
+    errors: ErrorKind = "outer_product",
+) -> ArmaFit:
+    """Choose the orders of an ARMA model by AIC or BIC, all on the same samples.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples in any unit u.
+    max_p, max_q : int
+        The grid is 0 .. max_p by 0 .. max_q.
+    criterion : {"aic", "bic"}
+        AIC as in S000; BIC finds the true order of a long record more reliably.
+    rate : float
+        Samples a second.
+    errors : {"outer_product", "information", "robust"}
+        As for `fit_arma`.
+
+    Returns
+    -------
+    ArmaFit
+        The best among the fits that are stationary and invertible (all roots below 1 - 1e-4) and
+        have no common factor; `candidates` has all of them, with the reason of rejection.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional, not finite, unknown criterion.
+    EstimationError
+        Too few samples, or a signal that does not vary.
+
+    Notes
+    -----
+    Spec 5.1.
+    """
+    _check_orders(max_p, max_q)
+    if criterion not in ("aic", "bic"):
+        raise InputError(f"criterion '{criterion}'", expected="'aic' or 'bic'")
+    values = checked_signal(signal, 10 + 5 * (max_p + max_q))
+    centre, scale = float(values.mean()), float(values.std())
+    unit = (values - centre) / scale
+    climbs: dict[tuple[int, int], Climb] = {}
+    for p in range(max_p + 1):
+        for q in range(max_q + 1):
+            climbs[p, q] = _with_neighbours(unit, p, q, climbs)
+    candidates = tuple(
+        _candidate(p, q, found, climbs, unit.size, scale) for (p, q), found in climbs.items()
+    )
+    allowed = [c for c in candidates if not c.rejected]
+    warnings = () if allowed else ("no order passes: every fit was rejected",)
+    chosen = min(allowed or candidates, key=lambda c: c.aic if criterion == "aic" else c.bic)
+    best = climb(unit, climbs[chosen.p, chosen.q].coefficients, chosen.p)
+    return finish(unit, best, chosen.p, centre, scale, rate, errors, warnings, candidates)
+
+
+def _with_neighbours(
+    unit: FloatArray, p: int, q: int, climbs: dict[tuple[int, int], Climb]
+) -> Climb:
+    """Search, and never end below a smaller model that is a special case."""
+    hints = []
+    if p:
+        small = climbs[p - 1, q].coefficients
+        hints.append(np.concatenate([small[: p - 1], [0.0], small[p - 1 :]]))
+    if q:
+        hints.append(np.append(climbs[p, q - 1].coefficients, 0.0))
+    found = search(unit, p, q, hints, rough=True)
+    for start in hints:
+        again = climb(unit, start, p, rough=True, steps=0)
+        if again.at.value > found.at.value:
+            found = max(climb(unit, start, p, rough=True), found, key=lambda c: c.at.value)
+    return found
+
+
+def _candidate(
+    p: int, q: int, found: Climb, climbs: dict[tuple[int, int], Climb], n: int, scale: float
+) -> ArmaCandidate:
+    rejected = ""
+    phi, theta = split(found.coefficients, p)
+    distance, pole, _ = nearest_pair(found.coefficients, p)
+    if phi.size and abs(poles_of(phi)[0]) > 1.0 - UNIT_ROOT:
+        rejected = f"pole of modulus {abs(poles_of(phi)[0]):.6f}"
+    elif theta.size and abs(zeros_of(theta)[0]) > 1.0 - UNIT_ROOT:
+        rejected = f"zero of modulus {abs(zeros_of(theta)[0]):.6f}"
+    elif p and q and is_common_factor(distance, found.at, climbs[p - 1, q - 1].at):
+        rejected = f"common factor near {pole:.3f}: reduces to ARMA({p - 1}, {q - 1})"
+    value = found.at.value - n * math.log(scale)
+    count = p + q + 2
+    aic, bic = 2.0 * count - 2.0 * value, math.log(n) * count - 2.0 * value
+    return ArmaCandidate(p, q, value, aic, bic, rejected)

@@ -1,0 +1,233 @@
+"""Climbing the exact likelihood of an ARMA process from several starts (spec 5.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.identify.arma_likelihood import (
+    Likelihood,
+    admissible,
+    approximate_slope,
+    exact_gradient,
+    likelihood,
+)
+from schuler.processes.arma import poles_of
+
+FloatArray = NDArray[np.float64]
+
+SEGMENT = 40_000
+"""Samples on which the starts are compared."""
+CLOSE_ENOUGH = 1e-8
+"""Squared distance to the maximum, in standard errors, at which the climb ends."""
+_ROUGH = 1e-2
+_APPROXIMATE_LIMIT = 1e-3
+_DAMPINGS = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Climb:
+    """Where a climb ended.
+
+    Parameters
+    ----------
+    coefficients : (p + q,) ndarray
+        phi, theta.
+    at : Likelihood
+        There.
+    distance : float
+        Squared distance to the maximum in standard errors, by the slope that is left (Newton's
+        decrement); twice the gain in likelihood that one more step promises.
+    steps : int
+        Steps taken.
+    """
+
+    coefficients: FloatArray
+    at: Likelihood
+    distance: float
+    steps: int
+
+
+def _step(gradient: FloatArray, information: FloatArray, damping: float) -> FloatArray:
+    """Solve (information + damping diag) step = gradient in units of the diagonal."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    unit = information * np.outer(scale, scale)
+    unit = unit + (damping + 1e-12) * np.eye(scale.size)
+    return np.asarray(scale * np.linalg.lstsq(unit, scale * gradient, rcond=1e-14)[0])
+
+
+def climb(
+    signal: FloatArray, start: FloatArray, p: int, *, rough: bool = False, steps: int = 60
+) -> Climb:
+    """Follow damped Gauss-Newton steps uphill; every step is judged by the exact likelihood.
+
+    Parameters
+    ----------
+    signal : (n,) ndarray
+        Of about unit variance and mean zero.
+    start : (p + q,) ndarray
+        Stationary and invertible.
+    p : int
+        Number of phi.
+    rough : bool
+        Stop near the maximum, with the slope of the residuals alone.
+    steps : int
+        At most.
+
+    Returns
+    -------
+    Climb
+        Stationary and invertible.
+    """
+    coefficients, at = start, likelihood(signal, start, p)
+    distance, taken, exact = np.inf, 0, False
+    if coefficients.size == 0:
+        return Climb(coefficients, at, 0.0, 0)
+    while taken < steps:
+        gradient, information = approximate_slope(signal, coefficients, p, at)
+        if exact:
+            gradient = exact_gradient(signal, coefficients, p, information)
+        full = _step(gradient, information, 0.0)
+        distance = float(gradient @ full)
+        if rough and distance < _ROUGH or exact and distance < CLOSE_ENOUGH:
+            break
+        if not exact and not rough and distance < _APPROXIMATE_LIMIT:
+            exact = True
+            continue
+        better = _best_along(signal, coefficients, p, at, gradient, information, full)
+        if better is None:
+            if exact or rough:
+                break
+            exact = True
+            continue
+        coefficients, at = better
+        taken += 1
+    return Climb(coefficients, at, distance if exact or rough else np.inf, taken)
+
+
+def _best_along(
+    signal: FloatArray,
+    coefficients: FloatArray,
+    p: int,
+    at: Likelihood,
+    gradient: FloatArray,
+    information: FloatArray,
+    full: FloatArray,
+) -> tuple[FloatArray, Likelihood] | None:
+    """First damped step that raises the likelihood; None if none does."""
+    for damping in _DAMPINGS:
+        step = full if damping == 0.0 else _step(gradient, information, damping)
+        if not np.any(np.abs(step) > 1e-15 * (1.0 + np.abs(coefficients))):
+            return None
+        for shortened in (1.0, 0.3):
+            tried = coefficients + shortened * step
+            if not admissible(tried, p):
+                continue
+            there = likelihood(signal, tried, p)
+            if there.value > at.value:
+                return tried, there
+    return None
+
+
+def search(
+    signal: FloatArray, p: int, q: int, hints: Iterable[FloatArray] = (), *, rough: bool = False
+) -> Climb:
+    """Find the maximum of the likelihood: many starts on a segment, the best ones on all of it.
+
+    Parameters
+    ----------
+    signal : (n,) ndarray
+        Of about unit variance and mean zero.
+    p, q : int
+        Orders.
+    hints : iterable of (p + q,) ndarray
+        More starts, for instance from smaller models.
+    rough : bool
+        Stop near the maximum.
+
+    Returns
+    -------
+    Climb
+        The best of all.
+    """
+    if p + q == 0:
+        return climb(signal, np.zeros(0), 0)
+    segment = signal[:SEGMENT]
+    begun = [s for s in (*starts(segment, p, q), *hints) if admissible(s, p)]
+    rough_climbs = [climb(segment, s, p, rough=True, steps=15) for s in begun]
+    rough_climbs.sort(key=lambda c: -c.at.value)
+    chosen: list[Climb] = []
+    for c in rough_climbs:
+        # a start that is worse by far, or ends where another ended, is not worth the full record
+        same = any(abs(c.at.value - d.at.value) < 0.1 for d in chosen)
+        if len(chosen) < 2 and not same and rough_climbs[0].at.value - c.at.value < 20.0:
+            chosen.append(c)
+    ends = [climb(signal, c.coefficients, p, rough=rough) for c in chosen]
+    return max(ends, key=lambda c: c.at.value)
+
+
+def starts(signal: FloatArray, p: int, q: int) -> list[FloatArray]:
+    """Coefficients to start from: Hannan-Rissanen, autoregressive, and a slow pole beside a zero.
+
+    Parameters
+    ----------
+    signal : (n,) ndarray
+        Of about unit variance and mean zero.
+    p, q : int
+        Orders.
+
+    Returns
+    -------
+    list of (p + q,) ndarray
+        Stationary and invertible. None of them is an estimate: Hannan-Rissanen is biased by many
+        standard errors in long records.
+    """
+    found = [_hannan_rissanen(signal, p, q)]
+    if q:
+        found.append(np.concatenate([_hannan_rissanen(signal, p, 0), np.zeros(q)]))
+    if p and q:
+        fast = _hannan_rissanen(signal, p - 1, q - 1)
+        phi = np.convolve([1.0, -0.995], np.concatenate([[1.0], -fast[: p - 1]]))
+        theta = np.convolve([1.0, -0.97], np.concatenate([[1.0], fast[p - 1 :]]))
+        found.append(np.concatenate([-phi[1:], theta[1:]]))
+    return found
+
+
+def _hannan_rissanen(signal: FloatArray, p: int, q: int) -> FloatArray:
+    """Regress on the past and on the residuals of a long autoregression; roots turned inside."""
+    from scipy.linalg import solve_toeplitz
+    from scipy.signal import lfilter
+
+    n = signal.size
+    if p + q == 0:
+        return np.zeros(0)
+    order = 0 if q == 0 else int(min(max(10.0 * np.log10(n), 2 * (p + q)), n // 4))
+    residual = signal
+    if order:
+        products = [float(np.dot(signal[k:], signal[: n - k])) for k in range(order + 1)]
+        column = np.array(products[:-1])
+        column[0] *= 1.0 + 1e-9
+        long = solve_toeplitz(column, np.array(products[1:]))
+        residual = lfilter(np.concatenate([[1.0], -long]), [1.0], signal)
+    first = order + max(p, q)
+    lags = [signal[first - i : n - i] for i in range(1, p + 1)]
+    lags += [residual[first - j : n - j] for j in range(1, q + 1)]
+    design = np.stack(lags)
+    gram = design @ design.T
+    gram[np.diag_indices_from(gram)] *= 1.0 + 1e-10
+    found = np.linalg.lstsq(gram, design @ signal[first:], rcond=1e-14)[0]
+    return np.concatenate([_turned_inside(found[:p]), -_turned_inside(-found[p:])])
+
+
+def _turned_inside(phi: Sequence[float] | FloatArray, limit: float = 1.0 - 1e-4) -> FloatArray:
+    """Mirror poles outside the unit circle to its inside."""
+    poles = poles_of(phi)
+    modulus = np.abs(poles)
+    if (modulus <= limit).all():
+        return np.asarray(phi, dtype=np.float64)
+    poles = np.where(modulus > 1.0, 1.0 / np.conj(poles), poles)
+    poles = poles * np.minimum(1.0, limit / np.maximum(np.abs(poles), 1e-300))
+    return np.asarray(-np.poly(poles)[1:].real, dtype=np.float64)
