@@ -173,7 +173,7 @@ class Autoregressive(Process):
         return out
 
     def psd(self, frequency: ArrayLike, *, onesided: bool) -> FloatArray:
-        """variance dt/|A(exp(j 2 pi f dt))|² (two-sided), periodic beyond the Nyquist frequency."""
+        """Return variance dt/|A(exp(j 2 pi f dt))|² (two-sided); periodic past Nyquist."""
         cycles = np.asarray(frequency, dtype=np.float64) * self.dt
         return self.sampled_psd(cycles, self.dt) * self.dt * (2.0 if onesided else 1.0)
 
@@ -232,8 +232,7 @@ class Autoregressive(Process):
             white_density=0.0,
             drift=None,
             diffusion=None,
-            names=tuple(f"autoregressive, {k} before" for k in range(p - 1, 0, -1))
-            + ("autoregressive",),
+            names=(*(f"autoregressive, {k} before" for k in range(p - 1, 0, -1)), "autoregressive"),
         )
 
     def simulate(self, n: int, dt: float, rng: np.random.Generator) -> FloatArray:
