@@ -196,6 +196,14 @@ def test_a_million_samples_are_no_matter(kind: Kind) -> None:
     np.testing.assert_allclose(curve.deviation[1] ** 2 * 100.0, white, rtol=0.08)
 
 
+def test_one_door_leads_to_every_kind() -> None:
+    signal = np.random.default_rng(10).standard_normal(200)
+    for kind in KINDS:
+        curve = allan_deviation(signal, 4.0, kind=kind)
+        assert curve.kind == kind
+        np.testing.assert_array_equal(curve.upper, family_deviation(signal, 4.0, kind=kind).upper)
+
+
 def test_scale_does_not_matter() -> None:
     signal = np.random.default_rng(9).standard_normal(400)
     for kind in KINDS:

@@ -41,7 +41,7 @@ class AllanCurve:
     samples : int
         Length of the signal.
     kind : str
-        Which estimator: "overlapping".
+        Which estimator, as of `allan_deviation`.
     """
 
     tau: FloatArray
@@ -114,9 +114,17 @@ def allan_deviation(
     signal: ArrayLike,
     rate: float,
     taus: ArrayLike | None = None,
-    kind: Literal["overlapping"] = "overlapping",
+    kind: Literal[
+        "overlapping",
+        "nonoverlapping",
+        "modified",
+        "hadamard",
+        "total",
+        "modified total",
+        "hadamard total",
+    ] = "overlapping",
 ) -> AllanCurve:
-    """Return the overlapping Allan deviation with 95 % intervals at every cluster time.
+    """Return the Allan deviation, or a relative, with 95 % intervals at every cluster time.
 
     Parameters
     ----------
@@ -129,8 +137,9 @@ def allan_deviation(
         Wanted cluster times in s; each is taken to the nearest number of samples, those that the
         record cannot hold twice are dropped. Default: about 20 a decade up to a ninth of the
         record.
-    kind : {"overlapping"}
-        Estimator.
+    kind : str
+        Estimator; all but "overlapping" are those of
+        `schuler.characterize.allan_family.family_deviation`.
 
     Returns
     -------
@@ -149,7 +158,9 @@ def allan_deviation(
     curve has about each tau.
     """
     if kind != "overlapping":
-        raise InputError(f"Allan deviation of kind '{kind}'", expected="'overlapping'")
+        from schuler.characterize.allan_family import family_deviation
+
+        return family_deviation(signal, rate, taus, kind)
     data = np.asarray(signal)
     if data.ndim not in (1, 2) or data.dtype.kind not in "fiu":
         raise InputError(

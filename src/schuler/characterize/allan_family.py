@@ -84,7 +84,9 @@ def family_deviation(
     NIST SP 1065 sections 5.2.3, 5.2.5, 5.2.9, 5.2.11, 5.2.12 and 5.2.14.
     """
     if kind not in KINDS:
-        raise InputError(f"Allan deviation of kind '{kind}'", expected=", ".join(KINDS))
+        raise InputError(
+            f"Allan deviation of kind '{kind}'", expected=", ".join(("overlapping", *KINDS))
+        )
     data = _checked(signal, rate)
     columns = data.reshape(len(data), -1)
     samples = len(data)
