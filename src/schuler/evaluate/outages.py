@@ -269,7 +269,7 @@ def judge_window(
     since = gnss.time - gnss.time[0]
     path = solution.trajectory
     stamp = gnss.time + time_offset
-    inside = (since >= start - 1e-6) & (since <= start + seconds + 1e-6)
+    inside = (since >= start - 1e-6) & (since < start + seconds - 1e-6)
     inside &= (stamp >= path.time[0]) & (stamp <= path.time[-1])
     if not inside.any():
         raise InputError(
