@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -240,7 +241,7 @@ def test_statistics_over_windows() -> None:
 def test_a_sweep_covers_the_run_after_it_has_settled() -> None:
     windows = sweep_windows(30.0, 10.0, 200.0)
     assert windows[0] == (60.0, 30.0)
-    assert [b[0] - a[0] for a, b in zip(windows, windows[1:], strict=False)] == [10.0] * 10
+    assert [b[0] - a[0] for a, b in pairwise(windows)] == [10.0] * 10
     # the last one ends with five seconds to spare for the smoother
     assert windows[-1] == (160.0, 30.0)
 
@@ -250,7 +251,7 @@ def test_dealt_windows_leave_gnss_between_them_and_lose_none() -> None:
     runs = deal_windows(windows)
     assert sorted(w for run in runs for w in run) == sorted(windows)
     for group in runs:
-        for (start, seconds), (later, _) in zip(group, group[1:], strict=False):
+        for (start, seconds), (later, _) in pairwise(group):
             assert later - (start + seconds) >= 30.0 - 1e-6
     # starts 10 s apart, 60 s from one to the next in a run: six runs are needed and enough
     assert len(runs) == 6
