@@ -17,6 +17,7 @@ import yaml
 from outcome import ACCEL_N, GYRO_N, Outcome
 
 from schuler.processes import NoiseModel
+from schuler.report.page import plotly_script
 
 
 def test_characterize_finds_the_noise_that_was_put_in(
@@ -74,6 +75,22 @@ def test_a_terminal_without_unicode_is_no_reason_to_fail(recordings: Path) -> No
     assert done.returncode == 0, done.stderr
     assert b"white noise N" in done.stdout
     assert done.stdout.isascii()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="such names cannot exist there")
+def test_a_hostile_file_name_is_only_a_name(
+    recordings: Path, tmp_path: Path, call: Callable[..., Outcome]
+) -> None:
+    name = "<img src=x onerror=alert(1)>[bold red]&amp;.parquet"
+    log = tmp_path / name
+    log.write_bytes((recordings / "static.parquet").read_bytes())
+    report = tmp_path / "r.html"
+    outcome = call("characterize", log, "--report", report)
+    assert outcome.code == 0, outcome.err
+    page = report.read_text(encoding="utf-8")
+    assert "<img" not in page.replace(plotly_script(), "")
+    assert "&lt;img src=x onerror=alert(1)&gt;[bold red]&amp;amp;" in page
+    assert "[bold red]" in outcome.out
 
 
 def test_strict_is_a_check(recordings: Path, tmp_path: Path, call: Callable[..., Outcome]) -> None:

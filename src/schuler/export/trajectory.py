@@ -144,7 +144,7 @@ def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
     if not file.is_file():
         raise InputError("no such file", where=str(file))
     try:
-        frame = polars.read_parquet(file)
+        frame = polars.read_parquet(file, glob=False)
     except (polars.exceptions.PolarsError, OSError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(

@@ -71,7 +71,7 @@ class ParquetSource:
                 where=f"{self.path}, column '{other[0]}'",
             )
         try:
-            frame = polars.read_parquet(self.path, columns=list(dict.fromkeys(names)))
+            frame = polars.read_parquet(self.path, glob=False, columns=list(dict.fromkeys(names)))
         except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
             raise _damaged(self.path, error) from None
         columns: Columns = {}
@@ -130,7 +130,9 @@ def open_parquet(path: Path) -> ParquetSource:
     import polars
 
     try:
-        schema = polars.read_parquet_schema(path)
+        # Opened here: a path with brackets would be taken for a pattern.
+        with path.open("rb") as file:
+            schema = polars.read_parquet_schema(file)
         metadata = polars.read_parquet_metadata(path)
     except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
         raise _damaged(path, error) from None

@@ -118,6 +118,7 @@ class TextSource:
             try:
                 return polars.read_csv(
                     data,
+                    glob=False,
                     has_header=False,
                     skip_lines=layout.first_line,
                     schema=schema,
