@@ -14,7 +14,7 @@ from schuler.characterize.robust import biweight_tuning, median_scale, robust_va
 from schuler.characterize.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify.curve_fit import FREE, CurvePoints, fit_structure, free_parameters
-from schuler.identify.joint import FitDiagnostics, Identification
+from schuler.identify.identification import FitDiagnostics, Identification
 from schuler.identify.record import judge_record
 from schuler.identify.replicates import Agreement, compare_runs
 from schuler.identify.selection import rough_process, select_structure
@@ -22,6 +22,7 @@ from schuler.identify.slopes import slope_method
 from schuler.identify.wavelet_moments import (
     MomentFit,
     fit_moments,
+    heterogeneity,
     pooled_points,
     pooled_scatter,
 )
@@ -42,6 +43,7 @@ _SHORTEST_RECORD = 100
 _BAND_EDGE = 10
 _FEWEST_SCALES = 8
 _MISFIT = 1e-3
+_SHARED = 0.01
 _HEAVY_TAILS = 1.3
 
 
@@ -113,7 +115,7 @@ class PooledIdentification:
     @property
     def shared(self) -> bool:
         """True where the records may share one model, at the 1 % level."""
-        return self.p_value > 0.01
+        return self.p_value > _SHARED
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain Python for JSON, in SI."""
@@ -218,22 +220,20 @@ def fit_gmwm_replicates(
     pooled = fit_gmwm_curves(curves, model, tails)
     used = [_from(c, float(pooled.diagnostics.tau[0])) for c in curves]
     granted = 2.0 * pooled.diagnostics.discrepancy
-    together = fit_moments(pooled.process.parts, used)
-    fits = [fit_moments(pooled.process.parts, [c]) for c in used]
-    chi_square = max(together.chi_square - math.fsum(f.chi_square for f in fits), 0.0)
-    freedom = (len(used) - 1) * len(together.names)
+    together = fit_moments(pooled.process.parts, used, granted)
+    chi_square, freedom = heterogeneity(together, used, granted)
     runs = tuple(
-        _result(
-            fit_moments(pooled.process.parts, [c], granted) if granted else f, [c], granted, {}, 1.0
-        )
-        for c, f in zip(used, fits, strict=True)
+        _result(fit_moments(together.parts, [c], granted), [c], granted, {}, 1.0) for c in used
     )
+    p_value = float(chdtrc(max(freedom, 1), chi_square))
+    if p_value <= _SHARED:
+        pooled = _widened(pooled, math.sqrt(max(chi_square / max(freedom, 1), 1.0)))
     return PooledIdentification(
         pooled=pooled,
         runs=runs,
         chi_square=chi_square,
         degrees_of_freedom=freedom,
-        p_value=float(chdtrc(freedom, chi_square)),
+        p_value=p_value,
         agreements=tuple(compare_runs(runs, key) for key in pooled.standard_errors),
     )
 
@@ -274,28 +274,56 @@ def fit_gmwm_curves(
                 cure="check that the channel was recorded and is not stuck",
             )
     start = _start(model, curves[0])
+    kept = list(curves)
+    fit, candidates = _fit(start, kept, 0.0)
+    if not _fits(fit, kept, 0.0):
+        # a sensor's own low-pass filter correlates neighbouring samples, which none of the
+        # processes describes and no navigation filter feels
+        slow = [_from(c, (_BAND_EDGE - 0.5) / c.rate) for c in curves]
+        if min(c.scale.size for c in slow) >= _FEWEST_SCALES:
+            kept = slow
+            fit, candidates = _fit(start, kept, 0.0)
     granted = 0.0
-    for edge in (1, _BAND_EDGE):
-        used = [_from(c, (edge - 0.5) / c.rate) for c in curves]
-        if edge > 1 and min(c.scale.size for c in used) < _FEWEST_SCALES:
-            break
-        kept, granted = used, _granted(start, used)
-        if granted == 0.0:
-            break
-    points = pooled_points(kept)
-    candidates: dict[str, float] = {}
-    if start is None:
-        scatter = pooled_scatter(rough_process(points), kept, points)
-        chosen, candidates = select_structure(points, scatter.with_discrepancy(granted))
-        parts = chosen.parts
-    else:
-        parts = _log_fit(start, kept, points)
-    fit = fit_moments(parts, kept, granted)
-    more = _discrepancy(fit, kept, granted)
-    if more != granted:
-        granted = more
-        fit = fit_moments(fit.parts, kept, granted)
+    if not _fits(fit, kept, 0.0):
+        granted = _discrepancy(fit, kept, 0.0)
+        fit, candidates = _fit(start, kept, granted)
+        more = _discrepancy(fit, kept, granted)
+        if more != granted:
+            granted = more
+            fit = fit_moments(fit.parts, kept, granted)
     return _result(fit, kept, granted, candidates, tails)
+
+
+def _fit(
+    start: tuple[Process, ...] | None,
+    curves: Sequence[WaveletVarianceCurve],
+    granted: float,
+) -> tuple[MomentFit, dict[str, float]]:
+    """Choose the structure where it is not given, and fit it."""
+    points = pooled_points(curves)
+    if start is None:
+        scatter = pooled_scatter(rough_process(points), curves, points)
+        chosen, candidates = select_structure(points, scatter.with_discrepancy(granted))
+        return fit_moments(chosen.parts, curves, granted), candidates
+    return fit_moments(_log_fit(start, curves, points), curves, granted), {}
+
+
+def _misfit(
+    fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float
+) -> tuple[float, int]:
+    """Misfit within records and its degrees of freedom: what records do not share is left out."""
+    if len(curves) == 1:
+        return fit.chi_square, max(fit.degrees_of_freedom, 1)
+    between, freedom = heterogeneity(fit, curves, granted)
+    return fit.chi_square - between, max(fit.degrees_of_freedom - freedom, 1)
+
+
+def _fits(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> bool:
+    """Whether the misfit may be chance."""
+    from scipy.special import chdtri
+
+    chi_square, freedom = _misfit(fit, curves, granted)
+    return chi_square <= float(chdtri(freedom, _MISFIT))
 
 
 def _values(signal: ArrayLike) -> NDArray[Any]:
@@ -317,7 +345,7 @@ def _tails(values: NDArray[Any]) -> float:
     plain = float(step @ step) / step.size
     if plain == 0.0 or median_scale(step) == 0.0:
         return 1.0
-    return plain / robust_variance(step, biweight_tuning(0.9))[0]
+    return plain / robust_variance(step, biweight_tuning(0.5))[0]
 
 
 def _from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVarianceCurve:
@@ -390,35 +418,36 @@ def _scaled(part: Process, points: CurvePoints) -> Process:
     return replace(unit, **{name: amplitude})  # type: ignore[type-var]
 
 
-def _granted(
-    start: tuple[Process, ...] | None, curves: Sequence[WaveletVarianceCurve]
-) -> float:
-    """Discrepancy of the given structure, or of many terms at once."""
-    points = pooled_points(curves)
-    if start is None:
-        parts: tuple[Process, ...] = rough_process(points).parts
-        scatter = pooled_scatter(ProcessSum(parts), curves, points)
-        parts = fit_structure(parts, points, scatter, 25).parts
-    else:
-        parts = _log_fit(start, curves, points)
-    return _discrepancy(fit_moments(parts, curves, steps=2), curves, 0.0)
-
-
-def _discrepancy(
-    fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float
-) -> float:
-    """Relative sd to grant to every wavelet variance so that J is as expected."""
-    from scipy.special import chdtri
-
-    freedom = max(fit.degrees_of_freedom, 1)
-    if fit.chi_square <= float(chdtri(freedom, _MISFIT)):
+def _discrepancy(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> float:
+    """Relative sd to grant to every wavelet variance so that the misfit is as expected."""
+    if _fits(fit, curves, granted):
         return granted
     low, high = 1e-5, 3.0
     for _ in range(12):
         middle = math.sqrt(low * high)
         again = fit_moments(fit.parts, curves, middle, steps=1)
-        low, high = (middle, high) if again.chi_square > freedom else (low, middle)
+        chi_square, freedom = _misfit(again, curves, middle)
+        low, high = (middle, high) if chi_square > freedom else (low, middle)
     return math.sqrt(low * high)
+
+
+def _widened(found: GmwmIdentification, factor: float) -> GmwmIdentification:
+    """The same with standard errors larger by a factor, and a flag that says so."""
+    return replace(
+        found,
+        standard_errors={k: factor * e for k, e in found.standard_errors.items()},
+        intervals={
+            k: (v * (low / v) ** factor, v * (high / v) ** factor)
+            for (k, (low, high)), v in zip(
+                found.intervals.items(), found.parameters.values(), strict=True
+            )
+        },
+        flags=(
+            *found.flags,
+            "the records do not share one model: errors of the common one were widened "
+            f"{factor:.2g} times",
+        ),
+    )
 
 
 def _result(
@@ -491,12 +520,18 @@ def _flags(
             f"heavy tails or outliers: the finest scale holds {tails:.3g} times its robust "
             "variance; robust=True holds them back"
         )
-    for part in process.parts:
-        if isinstance(part, GaussMarkov) and part.correlation_time > 0.5 * curve.duration:
-            flags.append(
-                f"a correlation time of {part.correlation_time:.3g} s cannot be told from a random "
-                f"walk in {curve.duration:.3g} s"
-            )
+    times = [p.correlation_time for p in process.parts if isinstance(p, GaussMarkov)]
+    flags += [
+        f"a correlation time of {t:.3g} s cannot be told from a random walk in "
+        f"{curve.duration:.3g} s"
+        for t in times
+        if t > 0.5 * curve.duration
+    ]
+    flags += [
+        f"a correlation time of {t:.3g} s stands at the shortest scale: it may be shorter"
+        for t in times
+        if t <= 1.001 * curve.scale[0]
+    ]
     if curve.robust == "samples" and curve.outliers > 0.1:
         flags.append(f"{100.0 * curve.outliers:.0f} % of the samples were held back as outliers")
     return tuple(flags)

@@ -278,10 +278,17 @@ def _minimise(
     residual, slopes = _stacked(weighted, parts, names, logs)
     cost, damping = float(residual @ residual), 1e-3
     for _ in range(60):
-        normal, gradient = slopes.T @ slopes, slopes.T @ residual
+        gradient = slopes.T @ residual
+        # a time that stands at its bound and wants beyond it is held there
+        held = times & (
+            ((logs <= bounds[0]) & (gradient < 0.0)) | ((logs >= bounds[1]) & (gradient > 0.0))
+        )
+        active = slopes[:, ~held]
+        normal = active.T @ active
         scale = np.diag(np.maximum(np.diag(normal), 1e-8))
-        step = np.clip(np.linalg.solve(normal + damping * scale, gradient), -1.0, 1.0)
-        trial = logs + step
+        trial = logs.copy()
+        step = np.linalg.solve(normal + damping * scale, gradient[~held])
+        trial[~held] += np.clip(step, -1.0, 1.0)
         trial[times] = np.clip(trial[times], *bounds)
         residual_there, slopes_there = _stacked(weighted, parts, names, trial)
         cost_there = float(residual_there @ residual_there)
@@ -298,11 +305,54 @@ def _minimise(
     return logs, False
 
 
+def _bounds(curves: Sequence[WaveletVarianceCurve]) -> tuple[float, float]:
+    """Logarithms between which correlation times stay."""
+    return (
+        math.log(min(c.scale[0] for c in curves)),
+        math.log(20.0 * max(c.duration for c in curves)),
+    )
+
+
+def heterogeneity(
+    fit: MomentFit, curves: Sequence[WaveletVarianceCurve], discrepancy: float = 0.0
+) -> tuple[float, int]:
+    """Test what the common parameters of several records cost beside separate ones.
+
+    Parameters
+    ----------
+    fit : MomentFit
+        The common fit.
+    curves : sequence of WaveletVarianceCurve
+        The records that were fitted.
+    discrepancy : float
+        As it was granted to the common fit.
+
+    Returns
+    -------
+    chi_square : float
+        Misfit of the common parameters less the sum of the smallest misfits of every record,
+        all with the weights of the common fit.
+    degrees_of_freedom : int
+        (records - 1) times parameters that the curves can see.
+    """
+    weighted = [_Weighted.of(c, fit.process, discrepancy) for c in curves]
+    bounds = _bounds(curves)
+    common, _ = _minimise(fit.parts, fit.names, fit.logs, weighted, bounds)
+    residual, slopes = _stacked(weighted, fit.parts, fit.names, common)
+    apart = 0.0
+    for one in weighted:
+        logs, _ = _minimise(fit.parts, fit.names, common, [one], bounds)
+        own = one.residual(fit.parts, fit.names, logs)[0]
+        apart += float(own @ own)
+    seen = int(np.count_nonzero(np.sum(slopes**2, axis=0) > 1e-2))
+    return max(float(residual @ residual) - apart, 0.0), (len(curves) - 1) * seen
+
+
 def fit_moments(
     parts: Sequence[Process],
     curves: Sequence[WaveletVarianceCurve],
     discrepancy: float = 0.0,
-    steps: int = 6,
+    steps: int = 15,
 ) -> MomentFit:
     """Fit a structure to the wavelet variances of one or several records.
 
@@ -324,10 +374,7 @@ def fit_moments(
     """
     names = free_parameters(parts)
     logs, fitted, standing = _logs(parts, names), tuple(parts), False
-    bounds = (
-        math.log(min(c.scale[0] for c in curves)),
-        math.log(20.0 * max(c.duration for c in curves)),
-    )
+    bounds = _bounds(curves)
     ended = True
     for step in range(steps):
         weighted = [_Weighted.of(c, ProcessSum(fitted), discrepancy) for c in curves]
