@@ -105,7 +105,10 @@ class InnovationSequence:
 
 
 def innovations(
-    imu: ImuRecording, gnss: Sequence[GnssRecording], setup: RunSetup
+    imu: ImuRecording,
+    gnss: Sequence[GnssRecording],
+    setup: RunSetup,
+    level: FloatArray | None = None,
 ) -> InnovationSequence:
     """Filter a drive once for every thinning of GNSS and gather the innovations.
 
@@ -117,6 +120,8 @@ def innovations(
         The same drive, thinned; the first one gives the start.
     setup : RunSetup
         To be judged.
+    level : (n, 6) ndarray or None
+        Vibration level at the samples of `imu`.
 
     Returns
     -------
@@ -125,6 +130,9 @@ def innovations(
     """
     initial = setup.initial_state(imu, gnss[0])
     gate = gate_thresholds(0.0)
+    scale = None
+    if level is not None and setup.vibration.active:
+        scale = setup.vibration.white_scale(level)
     scalars = [
         run_engine(
             imu,
@@ -132,6 +140,7 @@ def innovations(
             setup.model,
             setup.schedule(imu, fixes),
             gate=gate,
+            white_scale=scale,
             keep_samples=False,
             keep_nodes=False,
             node_interval=1e9,

@@ -185,7 +185,7 @@ def run(
     false_alarm : float
         Of the innovation gate.
     white_scale : (n, 6) ndarray or None
-        See `run_engine`.
+        See `run_engine`; None: as the setup found the noise to follow vibration.
 
     Returns
     -------
@@ -199,7 +199,7 @@ def run(
         setup.model,
         schedule,
         gate=gate_thresholds(false_alarm),
-        white_scale=white_scale,
+        white_scale=setup.white_scale(imu) if white_scale is None else white_scale,
         keep_nodes=smooth,
     )
     settings = setup.to_dict() | {

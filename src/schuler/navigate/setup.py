@@ -16,8 +16,11 @@ from schuler.navigate.aiding import AidingSchedule, GnssPosition, GnssVelocity, 
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.engine import InitialState
 from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel
+from schuler.navigate.vibration import VibrationResponse, vibration_level
 
 FloatArray = NDArray[np.float64]
+
+CONSTANT_NOISE = VibrationResponse()
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +97,8 @@ class RunSetup:
         Attitude at the first sample.
     lever_arm : (3,) ndarray
         Antenna from IMU in the body frame, m.
+    vibration : VibrationResponse
+        How the white noise follows vibration.
     """
 
     model: SensorErrorModel
@@ -101,6 +106,24 @@ class RunSetup:
     offsets: TimeOffsets
     alignment: Alignment
     lever_arm: FloatArray
+    vibration: VibrationResponse = CONSTANT_NOISE
+
+    def white_scale(self, imu: ImuRecording) -> FloatArray | None:
+        """Return what multiplies the squared white-noise densities sample by sample.
+
+        Parameters
+        ----------
+        imu : ImuRecording
+            At its full rate.
+
+        Returns
+        -------
+        (n, 6) ndarray or None
+            None where the noise is constant.
+        """
+        if not self.vibration.active:
+            return None
+        return self.vibration.white_scale(vibration_level(imu))
 
     def schedule(self, imu: ImuRecording, gnss: GnssRecording) -> AidingSchedule:
         """Return the GNSS measurements that fall inside the IMU's time.
@@ -186,6 +209,8 @@ class RunSetup:
             "initial_heading_sd_deg": float(np.degrees(start.heading_sd)),
             "gnss_position_sd_factor": self.factors.position_sd,
             "gnss_velocity_sd_factor": self.factors.velocity_sd,
+            "vibration_exponent_accel": self.vibration.accel,
+            "vibration_exponent_gyro": self.vibration.gyro,
             "white_noise_density": dict(
                 zip(FILTER_CHANNELS, model.white_density.tolist(), strict=True)
             ),

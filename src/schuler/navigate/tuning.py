@@ -29,6 +29,7 @@ from schuler.navigate.alignment import Alignment
 from schuler.navigate.error_model import SensorErrorModel
 from schuler.navigate.likelihood import InnovationSequence, innovations, slower_imu, thin
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.navigate.vibration import VibrationResponse, level_at, vibration_level
 
 FloatArray = NDArray[np.float64]
 
@@ -127,13 +128,12 @@ def tune(
             cure="give a noise model and time offsets",
         )
     slow = slower_imu(imu)
+    level = level_at(slow.time, imu, vibration_level(imu)) if tune_noise else None
     thinned = [thin(gnss, interval) for interval in THINNING]
     thinned = [g for g in thinned if g.size >= 10]
     start = RunSetup(base, NoiseFactors.none(), offsets, alignment, lever_arm)
     names = _free_parameters(gnss, tune_noise, tune_offsets)
-    prior = np.array([0.0 if "offset" in n else PRIOR_SD**-2 for n in names])
-    floor = np.array([np.log(LEAST_POSITION_FACTOR) if n == "sd position" else -8.0 for n in names])
-    floor[[k for k, n in enumerate(names) if "offset" in n]] = -np.inf
+    prior, floor = np.array([_prior_and_floor(n) for n in names]).T
     calls = 0
 
     def evaluate(x: FloatArray) -> InnovationSequence:
@@ -141,7 +141,8 @@ def tune(
         calls += 1
         if progress is not None and calls % 10 == 0:
             progress(f"tuning: the drive filtered {calls} times")
-        return innovations(slow, thinned, _setup_at(dict(zip(names, x, strict=True)), start, base))
+        setup = _setup_at(dict(zip(names, x, strict=True)), start, base)
+        return innovations(slow, thinned, setup, level)
 
     x, best, gain, converged, information = _score(evaluate, prior, floor)
     sd = np.sqrt(np.diag(np.linalg.pinv(information)))
@@ -234,12 +235,24 @@ def _free_parameters(gnss: GnssRecording, tune_noise: bool, tune_offsets: bool) 
     names: list[str] = []
     if tune_noise:
         names += [f"white {c}" for c in range(6)]
-        names += ["drive accel", "drive gyro", "sd position"]
+        names += ["drive accel", "drive gyro", "vibration accel", "vibration gyro"]
+        names += ["sd position"]
         names += ["sd velocity"] if gnss.velocity is not None else []
     if tune_offsets:
         names += ["offset position"]
         names += ["offset velocity"] if gnss.velocity is not None else []
     return tuple(names)
+
+
+def _prior_and_floor(name: str) -> tuple[float, float]:
+    """Inverse variance of the prior about zero, and the least value, of a parameter."""
+    if "offset" in name:
+        return 0.0, -np.inf
+    if "vibration" in name:
+        return 1.0, 0.0
+    if name == "sd position":
+        return PRIOR_SD**-2, float(np.log(LEAST_POSITION_FACTOR))
+    return PRIOR_SD**-2, -8.0
 
 
 def _setup_at(x: dict[str, float], start: RunSetup, base: SensorErrorModel) -> RunSetup:
@@ -256,5 +269,8 @@ def _setup_at(x: dict[str, float], start: RunSetup, base: SensorErrorModel) -> R
         start,
         model=factors.applied(base),
         factors=factors,
+        vibration=VibrationResponse(
+            float(x.get("vibration accel", 0.0)), float(x.get("vibration gyro", 0.0))
+        ),
         offsets=TimeOffsets(float(position), float(velocity)),
     )
