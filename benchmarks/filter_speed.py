@@ -8,13 +8,9 @@ compared, so that the comparison is of like with like. `python -m benchmarks.fil
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Callable
-
-for _name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
 
 import numpy as np
 from numpy.typing import NDArray

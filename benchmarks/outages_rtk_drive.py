@@ -13,9 +13,6 @@ import sys
 import time
 from pathlib import Path
 
-for _name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-
 from schuler.data import GnssRecording, ImuRecording
 from schuler.evaluate import OutageEvaluation, OutageStatistics, evaluate_outages
 from schuler.readers import read_gnss, read_imu
