@@ -99,12 +99,16 @@ def test_strict_is_a_check(recordings: Path, tmp_path: Path, call: Callable[...,
     knocked[15_000:15_010] += 0.5
     log = tmp_path / "knocked.parquet"
     frame.with_columns(polars.Series("gyro_x_rad_s", knocked)).write_parquet(log)
-    assert call("characterize", log).code == 0
+    looked = call("characterize", log)
+    assert looked.code == 0
+    assert "--repair cuts out" in looked.out
     failed = call("characterize", log, "--strict")
     assert failed.code == 1
     assert "check failed" in failed.err
     repaired = tmp_path / "repaired.json"
-    assert call("characterize", log, "--strict", "--repair", "--json", repaired).code == 0
+    done = call("characterize", log, "--strict", "--repair", "--json", repaired)
+    assert done.code == 0
+    assert "--repair cuts out" not in done.out
     density = json.loads(repaired.read_text())["channels"]["gyro_x"]["parameters"]
     assert density["white_noise.density"]["value"] == pytest.approx(GYRO_N, rel=0.05)
 

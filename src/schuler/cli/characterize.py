@@ -72,6 +72,7 @@ def characterize(
     say_when_compiling()
     with progress("Screening"):
         screening = screen(imu)
+        screening.require_usable()
         if repair:
             imu = repair_recording(imu, screening, close_up=True)
     with progress("Fitting the noise of every channel"):
@@ -98,9 +99,9 @@ def characterize(
 
         text = kalibr_yaml(result.noise_model, rate=imu.rate, topic=topic)
         outputs.text(kalibr, lambda: text)
-    show_characterization(
-        Screen(json_on_stdout=json == STDOUT), result, screening, outputs.commit()
-    )
+    written = outputs.commit()
+    terminal = Screen(json_on_stdout=json == STDOUT)
+    show_characterization(terminal, result, screening, written, repaired=repair)
     watch = sum(f.severity != "info" for f in screening.findings)
     if strict and watch and not repair:
         say(f"check failed: {watch} finding{'' if watch == 1 else 's'} to watch")

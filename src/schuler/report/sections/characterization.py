@@ -79,7 +79,7 @@ def characterization_sections(result: ImuCharacterization) -> tuple[Section, ...
     columns, rows = parameter_rows(result.noise_model, "si")
     in_si = Table("The same in SI", columns, rows, words=(0, 1, 2), folded=True)
     findings = Findings(tuple(Finding("info", text) for text in result.findings))
-    blocks = (facts, findings, _curves(found), table, in_si, _verdicts(found), _slopes(found))
+    blocks = (facts, _curves(found), table, in_si, findings, _verdicts(found), _slopes(found))
     return (Section("Noise", blocks, (*_headlines(result), *result.findings[:1])),)
 
 
