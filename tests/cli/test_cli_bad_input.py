@@ -118,6 +118,7 @@ def test_bad_gnss(
     line = outcome.one_line()
     assert outcome.code == 2, line
     assert word in line
+    assert "gnss.parquet" in line
     assert [p.name for p in tmp_path.iterdir()] == ["gnss.parquet"]
 
 

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from schuler.cli.reading import DriveReading
-from schuler.errors import InputError
+from schuler.errors import InputError, SchulerError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
+    from schuler.data.gnss import GnssRecording
+    from schuler.data.imu import ImuRecording
     from schuler.data.trajectory import NavigationSolution
 
 
@@ -112,7 +114,7 @@ def navigate(
     return 0
 
 
-def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[Any, Any]:
+def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecording, GnssRecording]:
     """Read IMU and GNSS of a drive, repaired when asked.
 
     Parameters
@@ -130,9 +132,15 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[Any, Any]:
     from schuler.characterize.screening import repair, screen
     from schuler.cli.loading import load_gnss, load_imu
     from schuler.data.imu import CHANNELS
+    from schuler.navigate.aiding import require_overlap
 
     recording = load_imu(imu, reading.imu_options())
     fixes = load_gnss(gnss, reading.gnss_options())
+    try:
+        require_overlap(fixes, float(recording.time[0]), float(recording.time[-1]))
+    except SchulerError as error:
+        raise error.at(str(gnss)) from None
+    _require_deviations(fixes, gnss)
     missing = [c for c in CHANNELS if c not in recording.channels]
     if missing:
         raise InputError(
@@ -146,6 +154,20 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[Any, Any]:
     if reading.repair:
         recording = repair(recording, screening)
     return recording, fixes
+
+
+def _require_deviations(fixes: GnssRecording, path: Path) -> None:
+    import numpy as np
+
+    for what, values in (("position", fixes.position_sd), ("velocity", fixes.velocity_sd)):
+        unknown = 0 if values is None else int(np.isnan(values).any(axis=1).sum())
+        if unknown:
+            raise InputError(
+                f"GNSS {what} has no standard deviation in {unknown} of {fixes.size} epochs",
+                expected="one for every epoch",
+                cure=f"give one for all with --gnss-{what}-sd",
+                where=str(path),
+            )
 
 
 def navigation_summary(
