@@ -263,7 +263,7 @@ def _result(
 
     errors = np.sqrt(np.diag(np.linalg.pinv(information, rcond=1e-14)))
     # sigma² is not known to a factor of e, and no lag alone stands out of white noise
-    stands_out = float(np.max(curve.correlation[1:] - 2.0 * curve.band[1:])) > 0.0
+    stands_out = float(np.max(curve.correlation[1:] - 2.5 * curve.band[1:])) > 0.0
     if not np.isfinite(state).all() or (errors[0] > 0.5 and not stands_out):
         raise _no_correlation()
     sigma = math.sqrt(variance) * math.exp(0.5 * state[0])
