@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
 from schuler.identify.arma_likelihood import Likelihood, innovations, scores, split
-from schuler.identify.arma_search import Climb, climb, search
+from schuler.identify.arma_search import Climb, search
 from schuler.identify.residual_tests import ResidualTests, residual_tests
 from schuler.identify.signals import checked_signal, outlier_flag
 from schuler.processes.arma import ARMA, poles_of, zeros_of
@@ -250,7 +250,7 @@ def fit_arma(
     best are refined on the whole record by Gauss-Newton steps, each judged by the exact
     likelihood, until the slope of the exact likelihood is zero.
     """
-    _check_orders(p, q)
+    check_orders(p, q)
     values = checked_signal(signal, 10 + 5 * (p + q))
     centre, scale = float(values.mean()), float(values.std())
     unit = (values - centre) / scale
@@ -258,7 +258,19 @@ def fit_arma(
     return finish(unit, best, p, centre, scale, rate, errors, _cancelling(unit, best, p))
 
 
-def _check_orders(p: int, q: int) -> None:
+def check_orders(p: int, q: int) -> None:
+    """Raise unless both orders are whole numbers, zero or above.
+
+    Parameters
+    ----------
+    p, q : int
+        Orders.
+
+    Raises
+    ------
+    InputError
+        They are not.
+    """
     if int(p) != p or int(q) != q or p < 0 or q < 0:
         raise InputError(f"orders ({p}, {q})", expected="whole numbers, zero or above")
 
@@ -499,100 +511,3 @@ def _cancelling(unit: FloatArray, best: Climb, p: int) -> tuple[str, ...]:
         f"common factor: pole {pole:.4f} and zero {zero:.4f} cancel, "
         f"ARMA({p}, {q}) reduces to ARMA({p - 1}, {q - 1})",
     )
-
-
-def select_arma(
-    signal: ArrayLike,
-    max_p: int = 4,
-    max_q: int = 4,
-    *,
-    criterion: Literal["aic", "bic"] = "aic",
-    rate: float = 1.0,
-    errors: ErrorKind = "outer_product",
-) -> ArmaFit:
-    """Choose the orders of an ARMA model by AIC or BIC, all on the same samples.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples in any unit u.
-    max_p, max_q : int
-        The grid is 0 .. max_p by 0 .. max_q.
-    criterion : {"aic", "bic"}
-        AIC as in S000; BIC finds the true order of a long record more reliably.
-    rate : float
-        Samples a second.
-    errors : {"outer_product", "information", "robust"}
-        As for `fit_arma`.
-
-    Returns
-    -------
-    ArmaFit
-        The best among the fits that are stationary and invertible (all roots below 1 - 1e-4) and
-        have no common factor; `candidates` has all of them, with the reason of rejection.
-
-    Raises
-    ------
-    InputError
-        Not one-dimensional, not finite, unknown criterion.
-    EstimationError
-        Too few samples, or a signal that does not vary.
-
-    Notes
-    -----
-    Spec 5.1.
-    """
-    _check_orders(max_p, max_q)
-    if criterion not in ("aic", "bic"):
-        raise InputError(f"criterion '{criterion}'", expected="'aic' or 'bic'")
-    values = checked_signal(signal, 10 + 5 * (max_p + max_q))
-    centre, scale = float(values.mean()), float(values.std())
-    unit = (values - centre) / scale
-    climbs: dict[tuple[int, int], Climb] = {}
-    for p in range(max_p + 1):
-        for q in range(max_q + 1):
-            climbs[p, q] = _with_neighbours(unit, p, q, climbs)
-    candidates = tuple(
-        _candidate(p, q, found, climbs, unit.size, scale) for (p, q), found in climbs.items()
-    )
-    allowed = [c for c in candidates if not c.rejected]
-    warnings = () if allowed else ("no order passes: every fit was rejected",)
-    chosen = min(allowed or candidates, key=lambda c: c.aic if criterion == "aic" else c.bic)
-    best = climb(unit, climbs[chosen.p, chosen.q].coefficients, chosen.p)
-    return finish(unit, best, chosen.p, centre, scale, rate, errors, warnings, candidates)
-
-
-def _with_neighbours(
-    unit: FloatArray, p: int, q: int, climbs: dict[tuple[int, int], Climb]
-) -> Climb:
-    """Search, and never end below a smaller model that is a special case."""
-    hints = []
-    if p:
-        small = climbs[p - 1, q].coefficients
-        hints.append(np.concatenate([small[: p - 1], [0.0], small[p - 1 :]]))
-    if q:
-        hints.append(np.append(climbs[p, q - 1].coefficients, 0.0))
-    found = search(unit, p, q, hints, rough=True)
-    for start in hints:
-        again = climb(unit, start, p, rough=True, steps=0)
-        if again.at.value > found.at.value:
-            found = max(climb(unit, start, p, rough=True), found, key=lambda c: c.at.value)
-    return found
-
-
-def _candidate(
-    p: int, q: int, found: Climb, climbs: dict[tuple[int, int], Climb], n: int, scale: float
-) -> ArmaCandidate:
-    rejected = ""
-    phi, theta = split(found.coefficients, p)
-    distance, pole, _ = nearest_pair(found.coefficients, p)
-    if phi.size and abs(poles_of(phi)[0]) > 1.0 - UNIT_ROOT:
-        rejected = f"pole of modulus {abs(poles_of(phi)[0]):.6f}"
-    elif theta.size and abs(zeros_of(theta)[0]) > 1.0 - UNIT_ROOT:
-        rejected = f"zero of modulus {abs(zeros_of(theta)[0]):.6f}"
-    elif p and q and is_common_factor(distance, found.at, climbs[p - 1, q - 1].at):
-        rejected = f"common factor near {pole:.3f}: reduces to ARMA({p - 1}, {q - 1})"
-    value = found.at.value - n * math.log(scale)
-    count = p + q + 2
-    aic, bic = 2.0 * count - 2.0 * value, math.log(n) * count - 2.0 * value
-    return ArmaCandidate(p, q, value, aic, bic, rejected)

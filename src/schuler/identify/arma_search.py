@@ -92,7 +92,7 @@ def climb(
             gradient = exact_gradient(signal, coefficients, p, information)
         full = _step(gradient, information, 0.0)
         distance = float(gradient @ full)
-        if rough and distance < _ROUGH or exact and distance < CLOSE_ENOUGH:
+        if (rough and distance < _ROUGH) or (exact and distance < CLOSE_ENOUGH):
             break
         if not exact and not rough and distance < _APPROXIMATE_LIMIT:
             exact = True
@@ -218,7 +218,8 @@ def _hannan_rissanen(signal: FloatArray, p: int, q: int) -> FloatArray:
     design = np.stack(lags)
     gram = design @ design.T
     gram[np.diag_indices_from(gram)] *= 1.0 + 1e-10
-    found = np.linalg.lstsq(gram, design @ signal[first:], rcond=1e-14)[0]
+    solved = np.linalg.lstsq(gram, design @ signal[first:], rcond=1e-14)[0]
+    found = np.asarray(solved, dtype=np.float64)
     return np.concatenate([_turned_inside(found[:p]), -_turned_inside(-found[p:])])
 
 

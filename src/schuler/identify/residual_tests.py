@@ -108,7 +108,7 @@ def robust_autocorrelation_band(residuals: ArrayLike, lags: int, z: float = 2.0)
 
 
 def _robust_variances(values: FloatArray, lags: int) -> FloatArray:
-    """n times the variance of the autocorrelations at lags 1 .. lags, no correlation assumed."""
+    """N times the variance of the autocorrelations at lags 1 .. lags, no correlation assumed."""
     squares = (values - values.mean()) ** 2
     products = _lagged_products(squares, lags)[1:]
     counts = values.size - np.arange(1, lags + 1)
@@ -166,7 +166,7 @@ def ljung_box_test(
 
 
 def arch_lm_test(residuals: ArrayLike, lags: int = 10) -> HypothesisTest:
-    """Engle's Lagrange multiplier test: do past squares foretell the present square?
+    """Engle's Lagrange multiplier test, whether past squares foretell the present one.
 
     Parameters
     ----------

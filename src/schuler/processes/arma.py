@@ -192,7 +192,7 @@ class ARMA(Process):
         padded, gain = harvey_form(np.array(self.phi), np.array(self.theta))
         first = self.driving_variance * stationary_covariance(padded, gain)[:, 0]
         # lag k is the first state after k steps without noise, from cov(state, x)
-        if count <= 1 or padded.size == 1 and padded[0] == 0.0:
+        if count <= 1 or (padded.size == 1 and padded[0] == 0.0):
             return np.asarray(np.concatenate([first[:1], np.zeros(max(count - 1, 0))])[:count])
         start = padded * first[0] + np.append(first[1:], 0.0)
         lags = max(len(self.phi), len(self.theta))

@@ -7,6 +7,7 @@ without the white noise an ARMA(k, k - 1); spec 5.1.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ def _real_poles(arma: ARMA) -> FloatArray:
                 cure="it alternates in sign: no sum of Gauss-Markov noises does",
             )
     real = np.sort(poles.real)[::-1]
-    for first, second in zip(real[:-1], real[1:], strict=True):
+    for first, second in pairwise(real):
         if first - second <= _SAME_POLE * first:
             raise ModelError(
                 f"ARMA process with the double pole {first:.6g}", expected="distinct poles"
@@ -188,7 +189,8 @@ def gauss_markov_sum_to_arma(process: Process, dt: float) -> ARMA:
 
 def _collect(process: Process, dt: float) -> tuple[float, dict[float, float]]:
     """Variance of a white sample, and variances by correlation time."""
-    white, parts = 0.0, {}
+    white = 0.0
+    parts: dict[float, float] = {}
     for part in process.components:
         noises: tuple[GaussMarkov, ...] = ()
         if isinstance(part, WhiteNoise):
