@@ -160,7 +160,7 @@ def triangular_factor(blocks: Iterator[FloatArray], columns: int) -> FloatArray:
     """
     factor = np.zeros((0, columns))
     for block in blocks:
-        factor = np.linalg.qr(np.concatenate([factor, block]), mode="r")
+        factor = np.asarray(np.linalg.qr(np.concatenate([factor, block]), mode="r"))
     square = np.zeros((columns, columns))
     square[: len(factor)] = factor
     return square

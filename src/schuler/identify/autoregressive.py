@@ -49,6 +49,8 @@ FloatArray = NDArray[np.float64]
 
 _FLOOR = 16.0
 """A mean squared error below this many roundings of the samples counts as none."""
+_SOLVER_FLOOR = (1000.0 * float(np.finfo(np.float64).eps)) ** 2
+"""So does one below the rounding of the solvers, by experience a few hundred eps of the signal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,7 +281,7 @@ def _check_rate(rate: float | None) -> None:
 
 
 def _floor(series: Series) -> float:
-    return _FLOOR * (series.rounding + float(np.finfo(np.float64).eps) ** 2 / 12.0)
+    return _FLOOR * series.rounding + _SOLVER_FLOOR
 
 
 def _estimate(series: Series, order: int, method: Method) -> Orders:
