@@ -258,7 +258,7 @@ def _running_sum(values: FloatArray) -> FloatArray:
     theta = np.empty((1, values.size + 1))
     offset = values[:: max(1, values.size // 4096)].mean()
     integrate(values[:, None], np.array([offset]), theta)
-    return theta[0]
+    return np.asarray(theta[0])
 
 
 def _plain(values: FloatArray, factors: NDArray[np.int64]) -> FloatArray:

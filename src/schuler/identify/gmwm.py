@@ -40,7 +40,8 @@ Model = Literal["auto", "classical"] | Process
 Robust = bool | Literal["samples", "coefficients"]
 
 _SHORTEST_RECORD = 100
-_BAND_EDGE = 10
+_BAND_EDGES = (10, 50)
+_FASTEST = 3.0
 _FEWEST_SCALES = 8
 _MISFIT = 1e-3
 _SHARED = 0.01
@@ -274,15 +275,17 @@ def fit_gmwm_curves(
                 cure="check that the channel was recorded and is not stuck",
             )
     start = _start(model, curves[0])
-    kept = list(curves)
-    fit, candidates = _fit(start, kept, 0.0)
-    if not _fits(fit, kept, 0.0):
-        # a sensor's own low-pass filter correlates neighbouring samples, which none of the
-        # processes describes and no navigation filter feels
-        slow = [_from(c, (_BAND_EDGE - 0.5) / c.rate) for c in curves]
-        if min(c.scale.size for c in slow) >= _FEWEST_SCALES:
-            kept = slow
-            fit, candidates = _fit(start, kept, 0.0)
+    kept, fit = list(curves), None
+    candidates: dict[str, float] = {}
+    for edge in (1, *_BAND_EDGES):
+        slow = [_from(c, (edge - 0.5) / c.rate) for c in curves]
+        if edge > 1 and min(c.scale.size for c in slow) < _FEWEST_SCALES:
+            break
+        kept = slow
+        fit, candidates = _fit(start, kept, 0.0)
+        if _fits(fit, kept, 0.0) and (start is not None or not _filter_of_the_sensor(fit, kept)):
+            break
+    assert fit is not None
     granted = 0.0
     if not _fits(fit, kept, 0.0):
         granted = _discrepancy(fit, kept, 0.0)
@@ -306,6 +309,16 @@ def _fit(
         chosen, candidates = select_structure(points, scatter.with_discrepancy(granted))
         return fit_moments(chosen.parts, curves, granted), candidates
     return fit_moments(_log_fit(start, curves, points), curves, granted), {}
+
+
+def _filter_of_the_sensor(fit: MomentFit, curves: Sequence[WaveletVarianceCurve]) -> bool:
+    """Whether a Gauss-Markov noise describes only the fastest scales.
+
+    A sensor's own low-pass filter correlates neighbouring samples, which none of the processes
+    describes and no navigation filter feels.
+    """
+    edge = _FASTEST * curves[0].scale[0]
+    return any(isinstance(p, GaussMarkov) and p.correlation_time < edge for p in fit.parts)
 
 
 def _misfit(

@@ -230,6 +230,22 @@ def _moments(
     return np.asarray(np.sum(components, axis=0)), jacobian
 
 
+def _weights(
+    curves: Sequence[WaveletVarianceCurve], process: Process, discrepancy: float
+) -> list[_Weighted]:
+    """Weights of all curves; plain curves of one length share theirs."""
+    known: dict[tuple[int, int, float, str], _Weighted] = {}
+    out = []
+    for curve in curves:
+        key = (curve.samples, curve.scale.size, float(curve.scale[0]), curve.robust)
+        if key in known and curve.robust != "samples":
+            out.append(replace(known[key], variance=curve.variance))
+            continue
+        known[key] = _Weighted.of(curve, process, discrepancy)
+        out.append(known[key])
+    return out
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Weighted:
     """One curve with the weights of one step."""
@@ -335,7 +351,7 @@ def heterogeneity(
     degrees_of_freedom : int
         (records - 1) times parameters that the curves can see.
     """
-    weighted = [_Weighted.of(c, fit.process, discrepancy) for c in curves]
+    weighted = _weights(curves, fit.process, discrepancy)
     bounds = _bounds(curves)
     common, _ = _minimise(fit.parts, fit.names, fit.logs, weighted, bounds)
     residual, slopes = _stacked(weighted, fit.parts, fit.names, common)
@@ -373,22 +389,25 @@ def fit_moments(
         With sandwich covariance, J and information criterion.
     """
     names = free_parameters(parts)
-    logs, fitted, standing = _logs(parts, names), tuple(parts), False
+    logs, standing = _logs(parts, names), False
     bounds = _bounds(curves)
-    ended = True
+    ended, reference = True, logs
     for step in range(steps):
-        weighted = [_Weighted.of(c, ProcessSum(fitted), discrepancy) for c in curves]
+        # half way once the weights should stand: they may swing about where they belong
+        reference = logs if step < 3 else 0.5 * (reference + logs)
+        fitted = with_logs(parts, names, reference)
+        weighted = _weights(curves, ProcessSum(fitted), discrepancy)
         before = logs
         logs, ended = _minimise(parts, names, logs, weighted, bounds)
-        fitted = with_logs(parts, names, logs)
         # a parameter that has vanished may go on sinking
         seen = np.sum(_stacked(weighted, parts, names, logs)[1] ** 2, axis=0) > 1e-2
         moved = np.abs(logs - before)[seen]
         standing = step > 0 and (moved.size == 0 or float(np.max(moved)) < 1e-3)
         if standing:
             break
+    fitted = with_logs(parts, names, logs)
     residual, slopes = _stacked(weighted, parts, names, logs)
-    final = [_Weighted.of(c, ProcessSum(fitted), discrepancy) for c in curves]
+    final = _weights(curves, ProcessSum(fitted), discrepancy)
     bread = np.linalg.inv(slopes.T @ slopes + np.diag(np.full(len(names), _NOTHING)))
     meat, optimism, row = np.zeros((len(names), len(names))), 0.0, 0
     for used, now in zip(weighted, final, strict=True):

@@ -1,0 +1,297 @@
+"""Gaussian likelihood of white noise + Gauss-Markov noises + a level, by the Kalman filter.
+
+Several filters with slightly different parameters run over the data side by side; differences of
+their innovations give the score and the expected information (Durbin and Koopman, Time Series
+Analysis by State Space Methods, 2012, ch. 5 and 7).
+
+State s of sample (or block mean) k: x_s(k+1) = phi_s x_s(k) + w_s, y(k) = sum a_s x_s(k) + u, with
+var w_s = q_s, var u = r, cov(w_s, u) = c_s. The last state is a level (phi = 1) of which nothing
+is known at the start: exact diffuse initialisation by the first value.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.kernels.compile import kernel
+
+FloatArray = NDArray[np.float64]
+
+
+@kernel()
+def start_at_first(
+    first: float,
+    phi: FloatArray,
+    load: FloatArray,
+    drive: FloatArray,
+    shared: FloatArray,
+    noise: float,
+    stationary: FloatArray,
+    state: FloatArray,
+    covariance: FloatArray,
+) -> None:
+    """Write state and covariance predicted for the second value.
+
+    Parameters
+    ----------
+    first : float
+        First value.
+    phi, load, drive, shared : (d,) ndarray
+        phi, a, q, c of every state, the level last.
+    noise : float
+        r.
+    stationary : (d,) ndarray
+        Variance of the states at the start; the last is not used.
+    state : (d,) ndarray
+        Filled in place.
+    covariance : (d, d) ndarray
+        Filled in place.
+    """
+    d = phi.size
+    level = d - 1
+    total = noise
+    for i in range(level):
+        total += load[i] * load[i] * stationary[i]
+    # the level is the first value less all else: its error is minus theirs
+    for i in range(d):
+        state[i] = 0.0
+        for j in range(d):
+            covariance[i, j] = 0.0
+    for i in range(level):
+        covariance[i, i] = phi[i] * phi[i] * stationary[i]
+        covariance[i, level] = -phi[i] * load[i] * stationary[i]
+        covariance[level, i] = covariance[i, level]
+    covariance[level, level] = total
+    state[level] = first
+    for i in range(d):
+        covariance[i, i] += drive[i]
+        # u is part of the first value and hangs together with the step that follows
+        covariance[level, i] -= shared[i]
+        covariance[i, level] -= shared[i]
+
+
+@kernel()
+def covariance_step(
+    phi: FloatArray,
+    load: FloatArray,
+    drive: FloatArray,
+    shared: FloatArray,
+    noise: float,
+    covariance: FloatArray,
+    gain: FloatArray,
+    work: FloatArray,
+) -> tuple[float, float]:
+    """Write the gain and the covariance one step on; return innovation variance and change.
+
+    Parameters
+    ----------
+    phi, load, drive, shared : (d,) ndarray
+        As above.
+    noise : float
+        r.
+    covariance : (d, d) ndarray
+        Predicted, replaced by the next prediction.
+    gain : (d,) ndarray
+        Filled in place: what an innovation adds to the next prediction.
+    work : (d,) ndarray
+        Scratch.
+
+    Returns
+    -------
+    tuple of float
+        Innovation variance, and the largest change of the covariance relative to its diagonal.
+    """
+    d = phi.size
+    variance = noise
+    for i in range(d):
+        total = 0.0
+        for j in range(d):
+            total += covariance[i, j] * load[j]
+        work[i] = total
+        variance += load[i] * total
+    change = 0.0
+    for i in range(d):
+        gain[i] = (phi[i] * work[i] + shared[i]) / variance
+    for i in range(d):
+        for j in range(i + 1):
+            new = phi[i] * phi[j] * covariance[i, j] - gain[i] * gain[j] * variance
+            if i == j:
+                new += drive[i]
+                change = max(change, abs(new - covariance[i, i]) / abs(new) if new != 0.0 else 0.0)
+            covariance[i, j] = new
+            covariance[j, i] = new
+    return variance, change
+
+
+@kernel()
+def innovations(
+    values: FloatArray,
+    start: int,
+    stop: int,
+    phi: FloatArray,
+    load: FloatArray,
+    gain: FloatArray,
+    state: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Run one filter in its steady state and write innovations.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        Data.
+    start, stop : int
+        Which of them.
+    phi, load, gain : (d,) ndarray
+        Constants of the filter.
+    state : (d,) ndarray
+        Prediction, carried on in place.
+    out : (m,) ndarray
+        Filled up to stop - start.
+    """
+    d = phi.size
+    for k in range(start, stop):
+        v = values[k]
+        for i in range(d):
+            v -= load[i] * state[i]
+        for i in range(d):
+            state[i] = phi[i] * state[i] + gain[i] * v
+        out[k - start] = v
+
+
+@kernel(reduction=True)
+def difference_products(
+    base: FloatArray, one: FloatArray, other: FloatArray
+) -> tuple[float, float]:
+    """Return the sums of (one - base) base and of (one - base)(other - base).
+
+    Parameters
+    ----------
+    base, one, other : (m,) ndarray
+        Innovations of three filters.
+
+    Returns
+    -------
+    tuple of float
+        Both sums.
+    """
+    score, information = 0.0, 0.0
+    for k in range(base.size):
+        difference = one[k] - base[k]
+        score += difference * base[k]
+        information += difference * (other[k] - base[k])
+    return score, information
+
+
+@kernel()
+def likelihood_pass(
+    values: FloatArray,
+    phi: FloatArray,
+    load: FloatArray,
+    drive: FloatArray,
+    shared: FloatArray,
+    noise: FloatArray,
+    stationary: FloatArray,
+    step: float,
+    tolerance: float,
+    score: FloatArray,
+    information: FloatArray,
+) -> tuple[float, float]:
+    """Run f filters; filter 0 has the parameters, filter i has parameter i moved by `step`.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        Data, n >= 2.
+    phi, load, drive, shared, stationary : (f, d) ndarray
+        By filter and state; the last state is the level.
+    noise : (f,) ndarray
+        r of every filter.
+    step : float
+        By how much the parameters were moved.
+    tolerance : float
+        Relative change of the covariances below which the filters count as steady.
+    score : (f - 1,) ndarray
+        Filled in place with the derivatives of the log-likelihood.
+    information : (f - 1, f - 1) ndarray
+        Filled in place with the expected information, given the data's own past.
+
+    Returns
+    -------
+    tuple of float
+        Diffuse log-likelihood of the values after the first, and the last innovation variance.
+    """
+    n, filters, d = values.size, phi.shape[0], phi.shape[1]
+    state, gain = np.empty((filters, d)), np.empty((filters, d))
+    covariance, work = np.empty((filters, d, d)), np.empty(d)
+    v, variance = np.empty(filters), np.empty(filters)
+    score[:] = 0.0
+    information[:] = 0.0
+    for i in range(filters):
+        start_at_first(
+            values[0],
+            phi[i],
+            load[i],
+            drive[i],
+            shared[i],
+            noise[i],
+            stationary[i],
+            state[i],
+            covariance[i],
+        )
+    deviance = 0.0
+    k = 1
+    steady = False
+    while k < n and not steady:
+        steady = True
+        for i in range(filters):
+            variance[i], change = covariance_step(
+                phi[i], load[i], drive[i], shared[i], noise[i], covariance[i], gain[i], work
+            )
+            steady = steady and change < tolerance
+            error = values[k]
+            for j in range(d):
+                error -= load[i, j] * state[i, j]
+            for j in range(d):
+                state[i, j] = phi[i, j] * state[i, j] + gain[i, j] * error
+            v[i] = error
+        deviance += math.log(variance[0]) + v[0] * v[0] / variance[0]
+        inverse = 1.0 / variance[0]
+        for i in range(filters - 1):
+            dv = v[i + 1] - v[0]
+            df = (variance[i + 1] - variance[0]) * inverse
+            score[i] -= dv * v[0] * inverse + 0.5 * df * (1.0 - v[0] * v[0] * inverse)
+            for j in range(i + 1):
+                df_other = (variance[j + 1] - variance[0]) * inverse
+                information[i, j] += dv * (v[j + 1] - v[0]) * inverse + 0.5 * df * df_other
+        k += 1
+    block = 2048
+    buffer, zero = np.empty((filters, block)), np.zeros(block)
+    inverse = 1.0 / variance[0]
+    while k < n:
+        stop = min(k + block, n)
+        m = stop - k
+        for i in range(filters):
+            innovations(values, k, stop, phi[i], load[i], gain[i], state[i], buffer[i])
+        base = buffer[0, :m]
+        squares = difference_products(base, zero[:m], zero[:m])[1]
+        deviance += m * math.log(variance[0]) + squares * inverse
+        for i in range(filters - 1):
+            df = (variance[i + 1] - variance[0]) * inverse
+            for j in range(i + 1):
+                own, both = difference_products(base, buffer[i + 1, :m], buffer[j + 1, :m])
+                df_other = (variance[j + 1] - variance[0]) * inverse
+                information[i, j] += both * inverse + 0.5 * m * df * df_other
+                if j == i:
+                    score[i] -= own * inverse + 0.5 * df * (m - squares * inverse)
+        k = stop
+    for i in range(filters - 1):
+        score[i] /= step
+        for j in range(i + 1):
+            information[i, j] /= step * step
+            information[j, i] = information[i, j]
+    total = -0.5 * (deviance + (n - 1) * math.log(2.0 * math.pi))
+    return total, variance[0]
