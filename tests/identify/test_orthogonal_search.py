@@ -121,6 +121,19 @@ def test_true_terms_of_w5(start: str) -> None:
     assert fit.stopped == "no term left is stronger than chance"
 
 
+def test_a_stand_in_for_later_terms_is_taken_out_again() -> None:
+    # in this draw y(n-1) y(n-4) leads the two true products and is needless behind them
+    y = w5(36_000, 100)
+    plain = fast_orthogonal_search(y, 10, 2, prune=False)
+    fit = fast_orthogonal_search(y, 10, 2)
+    assert set(plain.terms) > W5_TERMS
+    assert set(fit.terms) == W5_TERMS
+    assert len(fit.pruned) == len(plain.terms) - 5
+    assert [r.term for r in fit.ranking] == list(plain.names)
+    loss = fit.training_mean_square_error / plain.training_mean_square_error - 1.0
+    assert 0.0 < loss < len(fit.pruned) * 11.5 / fit.samples
+
+
 # ---------------------------------------------------------------- statistics (spec 4.6)
 
 

@@ -76,9 +76,9 @@ def test_floor_of_a_record_scatters_about_that_of_its_process(n: int) -> None:
 
 def test_an_impossible_error_is_refused() -> None:
     # spec 8.3: 3e-14 claimed on data whose innovation variance is 5.9e-5
-    with pytest.raises(EstimationError, match="orthogonal search claims .* held-out raw data"):
+    with pytest.raises(EstimationError, match=r"orthogonal search claims .* held-out raw data"):
         check_prediction_floor(3e-14, 5.9e-5, what="orthogonal search")
-    with pytest.raises(EstimationError, match="0.899 of the innovation variance"):
+    with pytest.raises(EstimationError, match=r"0\.899 of the innovation variance"):
         check_prediction_floor(0.899, 1.0, samples=100_000)
     assert check_prediction_floor(0.91, 1.0) == 0.91
     # 200 samples: one standard error is 10 %

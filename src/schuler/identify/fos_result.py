@@ -62,7 +62,7 @@ class FosFit:
     held_out_mean_square_error : float or None
         The same on data that the fit has not seen.
     ranking : tuple of RankedTerm
-        The steps of the search.
+        The steps of the search, with terms that were taken out again (`pruned`).
     stopped : str
         Why the search ended.
     candidates : int
@@ -100,6 +100,11 @@ class FosFit:
     def names(self) -> tuple[str, ...]:
         """Terms in words."""
         return tuple(term_name(t, s) for t, s in zip(self.terms, self.sources, strict=True))
+
+    @property
+    def pruned(self) -> tuple[str, ...]:
+        """Terms that the search chose and took out again once others had made them needless."""
+        return tuple(r.term for r in self.ranking if r.term not in self.names)
 
     @property
     def memory(self) -> int:
@@ -229,6 +234,7 @@ class FosFit:
             "training_mean_square_error": self.training_mean_square_error,
             "held_out_mean_square_error": self.held_out_mean_square_error,
             "ranking": [asdict(r) for r in self.ranking],
+            "pruned": list(self.pruned),
             "stopped": self.stopped,
             "candidates": self.candidates,
             "samples": self.samples,

@@ -53,6 +53,7 @@ def fast_orthogonal_search(
     stopping: Stopping | None = "family-wise",
     significance: float = 0.05,
     tolerance: float = 0.0,
+    prune: bool = True,
     held_out: ArrayLike | None = None,
     held_out_inputs: Sequence[ArrayLike] = (),
 ) -> FosFit:
@@ -81,6 +82,9 @@ def fast_orthogonal_search(
         Probability of a false term under the first two.
     tolerance : float
         Stop when the error is below this part of the variance.
+    prune : bool
+        Take out again what is no longer stronger than the threshold once all terms are in: a
+        stand-in for two terms that came later. Without stopping nothing is taken out.
     held_out : (k,) array_like, optional
         Data for an honest error, in u.
     held_out_inputs : sequence of (k,) array_like
@@ -114,7 +118,8 @@ def fast_orthogonal_search(
         raise EstimationError("the signal does not vary behind its first samples", expected="noise")
     threshold = _threshold(stopping, significance, candidates.count, samples)
     search = _choose(gram, samples, most, threshold, tolerance)
-    fit = _solve(signals, candidates, search, gram, samples)
+    kept = _pruned(gram, search.chosen, samples, threshold) if prune else search.chosen
+    fit = _solve(signals, candidates, search, kept, gram, samples)
     if held_out is None:
         return fit
     errors = fit.residuals(held_out, held_out_inputs)
@@ -201,13 +206,40 @@ def _choose(
     return _Search(tuple(chosen), tuple(reductions), tuple(remaining), stopped)
 
 
+def _pruned(
+    gram: FloatArray, chosen: tuple[int, ...], samples: int, threshold: float
+) -> tuple[int, ...]:
+    """Drop the weakest term as long as N times its share of the error is below the threshold."""
+    kept = list(chosen)
+    while len(kept) > 1 and threshold > 0.0:
+        index = np.array(kept)
+        root = np.sqrt(np.diag(gram)[index])
+        inverse = np.linalg.pinv(gram[np.ix_(index, index)] / np.outer(root, root), hermitian=True)
+        merit = gram[index, -1] / root
+        weights = inverse @ merit
+        error = float(gram[-1, -1] - merit @ weights)
+        if error <= _EXHAUSTED * gram[-1, -1]:
+            break
+        strength = samples * weights**2 / (np.diag(inverse) * error)
+        weakest = int(strength.argmin())
+        if strength[weakest] > threshold:
+            break
+        del kept[weakest]
+    return tuple(kept)
+
+
 def _solve(
-    signals: Signals, candidates: Candidates, search: _Search, gram: FloatArray, samples: int
+    signals: Signals,
+    candidates: Candidates,
+    search: _Search,
+    kept: tuple[int, ...],
+    gram: FloatArray,
+    samples: int,
 ) -> FosFit:
-    """Coefficients, standard errors and the explicit error of the chosen terms."""
-    few = candidates.some(search.chosen)
+    """Coefficients, standard errors and the explicit error of the terms kept."""
+    few = candidates.some(kept)
     first = candidates.memory
-    weights, constant, inverse = _least_squares(signals, few, first, gram, search.chosen)
+    weights, constant, inverse = _least_squares(signals, few, first, gram, kept)
     squares = 0.0
     full = np.concatenate([[-constant], -weights, [1.0]])
     for block in signals.blocks(few, first):
@@ -219,6 +251,7 @@ def _solve(
     freedom = max(samples - few.count - 1, 1)
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0) * squares / freedom)
     terms, sources = _names(few)
+    ranked = [term_name(t, s) for t, s in zip(*_names(candidates.some(search.chosen)), strict=True)]
     mean_square = squares / samples * own**2
     steps = zip(search.reductions, search.remaining, strict=True)
     return FosFit(
@@ -230,8 +263,8 @@ def _solve(
         training_mean_square_error=mean_square,
         held_out_mean_square_error=None,
         ranking=tuple(
-            RankedTerm(term_name(t, s), q, left, samples * q / max(left + q, 1e-300))
-            for t, s, (q, left) in zip(terms, sources, steps, strict=True)
+            RankedTerm(name, q, left, samples * q / max(left + q, 1e-300))
+            for name, (q, left) in zip(ranked, steps, strict=True)
         ),
         stopped=search.stopped,
         candidates=candidates.count,
