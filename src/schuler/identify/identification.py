@@ -83,6 +83,11 @@ class Identification:
     verdict: RecordVerdict
 
     @property
+    def method(self) -> str:
+        """Name of the method, as `identify` takes it."""
+        return "allan"
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Fitted values by parameter, SI."""
         values = self.process.parameters
