@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -317,6 +318,7 @@ def modified_covariance(signal: FloatArray, order: int, floor: float) -> Orders:
 
 def _least_squares(signal: FloatArray, order: int, floor: float, *, both_ways: bool) -> Orders:
     table = LagTable(signal, order)
+    ways = (signal, signal[::-1]) if both_ways else (signal,)
     rows, solver = np.zeros((order, order)), []
     error = [float(table.products[0]) / signal.size]
     whole: FloatArray | None = None
@@ -329,12 +331,10 @@ def _least_squares(signal: FloatArray, order: int, floor: float, *, both_ways: b
             rows[k - 1, :k], mean_square = _solve_gram(gram, terms)
             solver.append("normal equations")
         else:
-            if both_ways:
-                factor = triangular_factor(_two_way_rows(signal, k), k + 1)
-            else:
-                if whole is None:
-                    whole = triangular_factor(lagged_rows(signal, order, order), order + 1)
-                factor = _lower_order(whole, signal, k, order)
+            if whole is None:
+                rows_of = chain(*(lagged_rows(y, order, order) for y in ways))
+                whole = triangular_factor(rows_of, order + 1)
+            factor = _lower_order(whole, ways, k, order)
             if abs(factor[k - 1, k - 1]) ** 2 <= floor * terms:
                 break
             rows[k - 1, :k] = _solve_factor(factor)
@@ -347,18 +347,13 @@ def _least_squares(signal: FloatArray, order: int, floor: float, *, both_ways: b
     return Orders(rows[:reached, :reached], np.array(error), tuple(solver))
 
 
-def _two_way_rows(signal: FloatArray, order: int) -> Iterator[FloatArray]:
-    yield from lagged_rows(signal, order, order)
-    yield from lagged_rows(signal[::-1], order, order)
-
-
-def _lower_order(whole: FloatArray, signal: FloatArray, k: int, order: int) -> FloatArray:
+def _lower_order(whole: FloatArray, ways: tuple[FloatArray, ...], k: int, order: int) -> FloatArray:
     """Factor of order k on its own n >= k, from that of the highest order on n >= order."""
     if k == order:
         return whole
     columns = np.append(np.arange(k), order)
-    early = next(lagged_rows(signal[:order], k, k))
-    return np.asarray(np.linalg.qr(np.concatenate([whole[:, columns], early]), mode="r"))
+    early = [next(lagged_rows(y[:order], k, k)) for y in ways]
+    return np.asarray(np.linalg.qr(np.concatenate([whole[:, columns], *early]), mode="r"))
 
 
 def nested_errors(signal: FloatArray, order: int) -> FloatArray:
