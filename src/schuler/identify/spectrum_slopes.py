@@ -19,6 +19,7 @@ FloatArray = NDArray[np.float64]
 _TOLERANCE = 0.25
 _HALF_WINDOW = 0.3
 _SHORTEST_RUN = 0.35
+_EVEN = 16.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +99,13 @@ def spectrum_slopes(curve: SpectrumCurve) -> SpectrumReadings:
         run = _longest_run(np.abs(slope - power) <= _TOLERANCE + doubt, x)
         if run is None:
             return None
-        weight = freedom[run]
+        # the upper end has nearly all degrees of freedom, but is where the run bends first
+        weight = np.minimum(freedom[run], _EVEN * freedom[run].min())
         level = float(np.average(y[run] - power * x[run], weights=weight))
         # the logarithm of a chi-square lies below that of its mean
-        level += float(np.average(1.0 / weight, weights=weight)) / math.log(10.0)
-        error = 0.5 * math.sqrt(2.0 / float(np.sum(weight)))
+        level += float(np.average(1.0 / freedom[run], weights=weight)) / math.log(10.0)
+        share = weight / float(np.sum(weight))
+        error = 0.5 * math.sqrt(float(share**2 @ (2.0 / freedom[run])))
         value = factor * 10.0 ** (0.5 * level)
         return SpectrumReading(value, float(frequency[run][0]), float(frequency[run][-1]), error)
 

@@ -1,0 +1,159 @@
+"""The same parameters from two methods, side by side: Table 3 against Table 4 of S004."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+from schuler.errors import InputError
+
+
+class Fitted(Protocol):
+    """Anything with parameters and standard errors by the same keys."""
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values, SI."""
+        ...
+
+    @property
+    def standard_errors(self) -> Mapping[str, float]:
+        """Standard errors, SI."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedParameter:
+    """One parameter by two methods.
+
+    Parameters
+    ----------
+    parameter : str
+        Such as "white_noise.density".
+    first, second : float
+        Values, SI.
+    first_error, second_error : float
+        Standard errors.
+    difference : float
+        (first - second) over the root of the sum of the squared errors.
+    relative : float
+        first/second - 1.
+    """
+
+    parameter: str
+    first: float
+    second: float
+    first_error: float
+    second_error: float
+    difference: float
+    relative: float
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterComparison:
+    """What two methods say about the same signal.
+
+    Parameters
+    ----------
+    methods : (str, str)
+        Their names.
+    rows : tuple of ComparedParameter
+        Parameters that both have.
+    only_first, only_second : tuple of str
+        Parameters of one alone.
+    """
+
+    methods: tuple[str, str]
+    rows: tuple[ComparedParameter, ...]
+    only_first: tuple[str, ...]
+    only_second: tuple[str, ...]
+
+    def outside(self, deviations: float = 2.0) -> tuple[str, ...]:
+        """Return the parameters that differ by more than this many combined standard deviations.
+
+        Parameters
+        ----------
+        deviations : float
+            How many.
+
+        Returns
+        -------
+        tuple of str
+            Empty where the methods agree. Both methods see the same data, so their differences
+            are smaller than those of independent records would be.
+        """
+        return tuple(r.parameter for r in self.rows if not abs(r.difference) <= deviations)
+
+    def findings(self) -> tuple[str, ...]:
+        """Return what the comparison means, one plain sentence a parameter that differs."""
+        first, second = self.methods
+        sentences = [
+            f"{row.parameter}: {first} says {100.0 * abs(row.relative):.3g} % "
+            f"{'more' if row.relative > 0.0 else 'less'} than {second}, "
+            f"{abs(row.difference):.1f} combined standard deviations"
+            for row in self.rows
+            if abs(row.difference) > 2.0
+        ]
+        lone = [(first, key) for key in self.only_first]
+        lone += [(second, key) for key in self.only_second]
+        sentences += [f"{key}: found by {method} alone" for method, key in lone]
+        return tuple(sentences)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested dictionaries for JSON."""
+        return {
+            "methods": list(self.methods),
+            "rows": [asdict(r) for r in self.rows],
+            "only_first": list(self.only_first),
+            "only_second": list(self.only_second),
+            "outside_2_sd": list(self.outside()),
+            "findings": list(self.findings()),
+        }
+
+
+def compare_parameters(
+    first: Fitted, second: Fitted, methods: tuple[str, str] = ("spectrum", "Allan")
+) -> ParameterComparison:
+    """Compare the parameters of two identifications in units of their combined errors.
+
+    Parameters
+    ----------
+    first, second : SpectrumFit, Identification or anything alike
+        Results with `.parameters` and `.standard_errors`.
+    methods : (str, str)
+        Names for people.
+
+    Returns
+    -------
+    ParameterComparison
+        A row for every parameter both have.
+
+    Raises
+    ------
+    InputError
+        They have no parameter in common.
+    """
+    ours, theirs = first.parameters, second.parameters
+    common = [key for key in ours if key in theirs]
+    if not common:
+        raise InputError(
+            "two identifications without a common parameter",
+            expected="the same model in both",
+            cure="fix the structure with model=...",
+        )
+    rows = []
+    for key in common:
+        a, b = float(ours[key]), float(theirs[key])
+        sa, sb = float(first.standard_errors[key]), float(second.standard_errors[key])
+        combined = math.hypot(sa, sb)
+        apart = 0.0 if a == b else math.inf if combined == 0.0 else (a - b) / combined
+        relative = a / b - 1.0 if b != 0.0 else (0.0 if a == 0.0 else math.inf)
+        rows.append(ComparedParameter(key, a, b, sa, sb, apart, relative))
+    return ParameterComparison(
+        methods=methods,
+        rows=tuple(rows),
+        only_first=tuple(key for key in ours if key not in theirs),
+        only_second=tuple(key for key in theirs if key not in ours),
+    )
