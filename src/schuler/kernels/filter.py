@@ -196,7 +196,8 @@ def run_filter(
     white (6,): squared noise densities, accelerometer then gyro; white_scale (n, 6) or (0, 6)
     multiplies them sample by sample. gate (4,): largest normalised innovation squared accepted
     for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind the next one is
-    let in, as measurements that keep agreeing with each other are right and the filter is wrong.
+    let in, as measurements that keep agreeing with each other are right and the filter is wrong:
+    its own variance is first raised by the square of the residual.
 
     Returns the log-likelihood of the accepted measurements, the number of nodes, and the index
     of the first sample at which the state was no longer finite (-1: none).
@@ -375,7 +376,14 @@ def run_filter(
                 aid_nis[done] = nis
                 aid_degrees[done] = degrees
                 kind = aid_kind[done]
-                accepted = degrees > 0 and (nis <= gate[degrees] or refused[kind] >= patience)
+                accepted = degrees > 0 and nis <= gate[degrees]
+                if degrees > 0 and not accepted and refused[kind] >= patience:
+                    # the state is wrong by that much: say so before it is corrected, or the
+                    # correction would be spread over states that are right
+                    accepted = True
+                    for i in range(3):
+                        if math.isfinite(aid_variance[done, i]):
+                            covariance[3 * kind + i, 3 * kind + i] += residual[i] * residual[i]
                 refused[kind] = 0 if accepted else refused[kind] + 1
                 aid_accepted[done] = accepted
                 for i in range(3):

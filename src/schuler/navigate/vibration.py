@@ -3,7 +3,8 @@
 Vibration above half the sampling rate is folded into the record and cannot be told from noise,
 but its strength can: by the mean square of the differences of neighbouring samples over the last
 second. The white noise of the filter follows it with an exponent that the drive decides (0: not
-at all, 1: in proportion). Only the past is used, so the same works in real time. Spec 10,
+at all, 1: in proportion). The strength itself looks at the past only; what is called typical, one
+number a channel, comes from the whole record and is absorbed by the tuned density. Spec 10,
 "vibration, dynamics".
 """
 
