@@ -34,7 +34,7 @@ def pretty(unit: str) -> str:
         ("sqrt(Hz)", "√Hz"),
         ("sqrt(h)", "√h"),
         ("sqrt(s)", "√s"),
-        ("h^(3/2)", "h√h"),
+        ("h^(3/2)", "h/√h"),
         ("ug", "µg"),
     ):
         unit = unit.replace(plain, nice)
