@@ -13,6 +13,7 @@ from schuler.errors import EstimationError, InputError
 FloatArray = NDArray[np.float64]
 
 _EPS = float(np.finfo(np.float64).eps)
+_SMALLEST, _LARGEST = 1e-140, 1e140
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,19 +84,22 @@ def prepare(signal: ArrayLike, *, fewest: int, remove_mean: bool = True) -> Seri
             cure="remove or repair these rows first",
         )
     largest = max(abs(low), abs(high))
-    if high - low <= 4.0 * _EPS * largest or high - low < 1e-290:
+    if high - low <= 4.0 * _EPS * largest:
         raise EstimationError(
             f"the signal does not vary: every sample is {low:g}",
             expected="noise",
             cure="look at the recording: a channel may be dead",
         )
+    if not _SMALLEST < high - low < _LARGEST:
+        raise InputError(
+            f"signal spans {high - low:.3g}, whose square no number can hold",
+            cure="use another unit",
+        )
     # offset first: the mean of a nearly constant signal is exact only about one of its values
     mean = low + float(np.mean(data - low))
     offset = mean if remove_mean else 0.0
     values = data - offset
-    spread = math.sqrt(float(values @ values) / values.size) if high - low < 1e140 else high - low
-    if spread < 1e-140:
-        spread = high - low
+    spread = math.sqrt(float(values @ values) / values.size)
     scale = 2.0 ** round(math.log2(spread))
     values /= scale
     return Series(values, offset, scale, mean, (_EPS * largest / scale) ** 2 / 12.0)

@@ -20,7 +20,12 @@ _VARIANCE_RATIO = 4.0
 
 
 def find_cautions(
-    series: Series, orders: Orders, order: int, requested: int, method: str, mean_square: float
+    series: Series,
+    orders: Orders,
+    reflection: FloatArray,
+    requested: int,
+    method: str,
+    mean_square: float,
 ) -> tuple[Caution, ...]:
     """Look for everything that would mislead the user of a fit.
 
@@ -30,8 +35,8 @@ def find_cautions(
         What was fitted.
     orders : Orders
         All orders.
-    order : int
-        The order reached.
+    reflection : (p,) ndarray
+        Of the order reached.
     requested : int
         The order asked for.
     method : str
@@ -44,6 +49,7 @@ def find_cautions(
     tuple of Caution
         Empty if there is nothing to say.
     """
+    order = reflection.size
     a = orders.coefficients[order - 1, :order] if order else np.zeros(0)
     found = []
     if order < requested:
@@ -62,7 +68,7 @@ def find_cautions(
                 "nothing about the sensor",
             )
         )
-    found += _about_poles(a, series.values.size)
+    found += _about_poles(a, reflection, series.values.size, method)
     if method == "yule-walker" and order:
         found += _about_yule_walker(series, float(orders.error[order]), a, mean_square)
     found += _about_residuals(series, a)
@@ -73,14 +79,19 @@ def _rounding_floor(series: Series) -> float:
     return series.rounding + float(np.finfo(np.float64).eps) ** 2
 
 
-def _about_poles(a: FloatArray, samples: int) -> list[Caution]:
+def _about_poles(a: FloatArray, reflection: FloatArray, samples: int, method: str) -> list[Caution]:
     if a.size == 0:
         return []
     modulus = float(np.abs(poles_of(a)[0]))
-    if modulus >= 1.0:
+    if modulus >= 1.0 or (np.abs(reflection) >= 1.0).any():
+        cure = (
+            "the poles lie so close together that rounding moves them out: use a lower order"
+            if method in ("burg", "yule-walker")
+            else "'burg' and 'yule-walker' are always stable"
+        )
         text = (
             f"the largest pole has modulus {modulus:.6f}: the model is unstable and predicts only "
-            "one step; 'burg' and 'yule-walker' are always stable"
+            f"one step; {cure}"
         )
         return [Caution("unstable", text)]
     if samples * (1.0 - modulus) < _UNIT_ROOT:

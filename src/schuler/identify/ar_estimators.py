@@ -37,11 +37,14 @@ class Orders:
         The estimator's own mean squared one-step error of orders 0 .. r.
     solver : tuple of str
         How each order was solved: "levinson", "lattice", "normal equations" or "QR".
+    reflection : (r,) ndarray or None
+        Where the estimator works with them; the same for all orders.
     """
 
     coefficients: FloatArray
     error: FloatArray
     solver: tuple[str, ...]
+    reflection: FloatArray | None = None
 
 
 @dataclass(slots=True)
@@ -247,7 +250,7 @@ def yule_walker(signal: FloatArray, order: int) -> Orders:
     products = np.empty(order + 1)
     lag_products(signal, BLOCK, products)
     reflection, error = levinson(products / signal.size)
-    return Orders(step_up(reflection), error, ("levinson",) * reflection.size)
+    return Orders(step_up(reflection), error, ("levinson",) * reflection.size, reflection)
 
 
 def burg(signal: FloatArray, order: int, floor: float) -> Orders:
@@ -272,8 +275,9 @@ def burg(signal: FloatArray, order: int, floor: float) -> Orders:
     reflection, error = np.zeros(order), np.zeros(order)
     reached = burg_lattice(signal.copy(), signal.copy(), floor, BLOCK, reflection, error)
     power = float(signal @ signal) / signal.size
-    rows = step_up(reflection[:reached])
-    return Orders(rows, np.append(power, error[:reached]), ("lattice",) * reached)
+    done = reflection[:reached]
+    error = np.append(power, error[:reached])
+    return Orders(step_up(done), error, ("lattice",) * reached, done)
 
 
 def covariance(signal: FloatArray, order: int, floor: float) -> Orders:

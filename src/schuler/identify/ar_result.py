@@ -137,8 +137,9 @@ class ArFit:
 
     @property
     def stable(self) -> bool:
-        """True if all poles are inside the unit circle."""
-        return bool((np.abs(self.reflection) < 1.0).all())
+        """True if all poles are inside the unit circle, also after rounding."""
+        inside = np.abs(self.reflection) < 1.0
+        return bool(inside.all() and (np.abs(self.poles) < 1.0).all())
 
     @property
     def flags(self) -> tuple[str, ...]:

@@ -319,17 +319,18 @@ def _finish(
         )
     mean_square = explicit_error(series.values, a, order)
     own = float(orders.error[order]) if order else mean_square
+    reflection = reflection_of(a) if orders.reflection is None else orders.reflection[:order]
     return ArFit(
         coefficients=a,
         innovation_variance=own * series.scale**2,
         mean_square_error=mean_square * series.scale**2,
         standard_errors=_standard_errors(series, a, mean_square),
-        reflection=reflection_of(a),
+        reflection=reflection,
         mean=series.offset,
         samples=series.values.size,
         method=method,
         solver=orders.solver[-1] if order else "mean",
-        cautions=find_cautions(series, orders, order, requested, method, mean_square),
+        cautions=find_cautions(series, orders, reflection, requested, method, mean_square),
         rate=None if rate is None else float(rate),
         selection=selection,
     )
