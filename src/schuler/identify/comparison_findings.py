@@ -1,0 +1,287 @@
+"""What a comparison of methods teaches, in plain language."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from schuler.characterize.allan import AllanCurve
+from schuler.errors import ModelError
+from schuler.identify.arma import ArmaFit
+from schuler.identify.comparison_parameters import AGREE, ParameterAgreement
+from schuler.identify.fos_result import FosFit
+from schuler.identify.gmwm import GmwmIdentification
+from schuler.identify.identification import Identification
+from schuler.identify.residual_diagnostics import ResidualDiagnostics
+from schuler.identify.result import MethodIdentification
+from schuler.identify.series_methods import ArGarchFit
+from schuler.identify.slopes import SlopeReadings
+from schuler.processes import ProcessSum
+from schuler.processes.arma_exchange import arma_to_gauss_markov_sum
+from schuler.processes.gauss_markov import FLICKER_LEVEL
+from schuler.units import format_value
+
+Results = Mapping[str, Identification | MethodIdentification]
+
+WORDS = {
+    "white_noise.density": "white noise N",
+    "quantization.step_density": "quantisation Q",
+    "gauss_markov.sigma": "Gauss-Markov sigma",
+    "gauss_markov.correlation_time": "Gauss-Markov T",
+    "bias_instability.level": "bias instability B",
+    "random_walk.density": "random walk K",
+    "rate_ramp.slope": "ramp",
+}
+_CROSSING_SHARE = 0.5
+_OUTLIERS = 1.1
+_PROCESS_METHODS = ("ml", "gmwm", "allan", "psd")
+
+
+def words_of(parameter: str) -> str:
+    """Return the name of a parameter for people.
+
+    Parameters
+    ----------
+    parameter : str
+        Such as "gauss_markov_2.sigma".
+
+    Returns
+    -------
+    str
+        Such as "Gauss-Markov 2 sigma".
+    """
+    name, _, field = parameter.partition(".")
+    kind, _, number = name.rpartition("_")
+    if not number.isdecimal():
+        kind, number = name, ""
+    words = WORDS.get(f"{kind}.{field}", parameter.replace("_", " ").replace(".", " "))
+    return words.replace("Gauss-Markov", f"Gauss-Markov {number}") if number else words
+
+
+def spoken(value: float, quantity: str, name: str) -> str:
+    """Return a number in datasheet units where the signal is a known channel, else in its own.
+
+    Parameters
+    ----------
+    value : float
+        In SI.
+    quantity : str
+        Such as "bias instability".
+    name : str
+        Of the signal.
+
+    Returns
+    -------
+    str
+        E.g. "5.16 deg/h".
+    """
+    sensor = name.split("_")[0]
+    if sensor in ("gyro", "accel"):
+        return format_value(value, f"{sensor} {quantity}", digits=3)
+    return f"{value:.3g}"
+
+
+def findings_of(
+    name: str,
+    curve: AllanCurve,
+    results: Results,
+    parameters: Sequence[ParameterAgreement],
+    residuals: Mapping[str, ResidualDiagnostics],
+    failures: Mapping[str, str],
+) -> tuple[str, ...]:
+    """Collect what is worth knowing.
+
+    Parameters
+    ----------
+    name : str
+        Of the signal.
+    curve : AllanCurve
+        Measured.
+    results : mapping of str to Identification or MethodIdentification
+        By method.
+    parameters : sequence of ParameterAgreement
+        Side by side.
+    residuals : mapping of str to ResidualDiagnostics
+        By method.
+    failures : mapping of str to str
+        Methods without an answer.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
+    lines = [*_agreement(parameters), *_crossing(name, curve, results), *_robust(name, results)]
+    lines += [*_yule_walker(results), *_garch(results), *_arma(name, results), *_fos(results)]
+    lines += _whiteness(residuals)
+    lines += [f"{method}: {text}" for method, text in failures.items()]
+    return tuple(lines)
+
+
+def _agreement(parameters: Sequence[ParameterAgreement]) -> list[str]:
+    judged = [p for p in parameters if p.agree is not None]
+    if not judged:
+        return []
+    apart = [p for p in judged if not p.agree]
+    if not apart:
+        worst = max(judged, key=lambda p: p.worst)
+        methods = list(dict.fromkeys(m for p in judged for m in p.values if m in _VOTERS))
+        return [
+            f"{', '.join(methods)} agree within their errors on all {len(judged)} parameters they "
+            f"share; the largest difference is {worst.worst:.1f} combined standard deviations "
+            f"({words_of(worst.parameter)})"
+        ]
+    lines = []
+    for p in apart:
+        first, second = p.worst_pair
+        share = abs(p.values[second] / p.values[first] - 1.0)
+        lines.append(
+            f"{first} and {second} differ by {p.worst:.1f} combined standard deviations in "
+            f"{words_of(p.parameter)} ({100.0 * share:.2g} %; up to {AGREE:g} counts as agreement)"
+        )
+    return lines
+
+
+_VOTERS = ("allan", "psd", "gmwm", "gmwm-robust", "ml")
+
+
+def _crossing(name: str, curve: AllanCurve, results: Results) -> list[str]:
+    """The flat part that is where white noise and random walk cross (spec 2.4 b)."""
+    slopes = next((r.slopes for r in results.values() if isinstance(r, Identification)), None)
+    slope = results.get("slope")
+    if isinstance(slope, MethodIdentification) and isinstance(slope.fit, SlopeReadings):
+        slopes = slope.fit
+    fitted = next((results[m] for m in ("allan", *_PROCESS_METHODS) if m in results), None)
+    if slopes is None or slopes.bias_instability is None or fitted is None:
+        return []
+    process = fitted.process
+    if not isinstance(process, ProcessSum) or "random_walk" not in {p.kind for p in process.parts}:
+        return []
+    reading = slopes.bias_instability
+    tau = np.array([math.sqrt(reading.start * reading.stop)])
+    level = reading.value * FLICKER_LEVEL
+    crossing = sum(
+        float(p.allan_variance(tau)[0])
+        for p in process.parts
+        if p.kind in ("white_noise", "random_walk")
+    )
+    if crossing < _CROSSING_SHARE * level**2:
+        return []
+    left = math.sqrt(max(level**2 - crossing, 0.0)) / FLICKER_LEVEL
+    read, rest = (spoken(v, "bias instability", name) for v in (reading.value, left))
+    return [
+        f"the bias instability read off the flat part at {tau[0]:.3g} s is where N and K cross: "
+        f"{rest}, not {read}"
+    ]
+
+
+def _robust(name: str, results: Results) -> list[str]:
+    plain, robust = (_gmwm(results, m) for m in ("gmwm", "gmwm-robust"))
+    if robust is None or plain is None:
+        return []
+    both = [p.parameters.get("white_noise.density", 0.0) for p in (plain, robust)]
+    if min(both) <= 0.0 or max(both) / min(both) < _OUTLIERS:
+        return []
+    shown = [spoken(v, "white noise", name) for v in both]
+    held = (
+        f"; {100.0 * robust.wavelet.outliers:.2g} % of the samples count for nothing"
+        if robust.wavelet.outliers > 0.0
+        else ""
+    )
+    return [
+        f"outliers decide the plain estimate: white noise is {shown[0]} with them and {shown[1]} "
+        f"for the bulk of the samples{held}"
+    ]
+
+
+def _gmwm(results: Results, method: str) -> GmwmIdentification | None:
+    found = results.get(method)
+    fit = found.fit if isinstance(found, MethodIdentification) else None
+    return fit if isinstance(fit, GmwmIdentification) else None
+
+
+def _yule_walker(results: Results) -> list[str]:
+    found = results.get("ar-yule-walker")
+    if not isinstance(found, MethodIdentification):
+        return []
+    return [
+        f"Yule-Walker is biased here: {text}"
+        for text in found.flags
+        if "Yule-Walker" in text or "triangular" in text
+    ]
+
+
+def _garch(results: Results) -> list[str]:
+    found = results.get("garch")
+    if not isinstance(found, MethodIdentification) or not isinstance(found.fit, ArGarchFit):
+        return []
+    garch = found.fit.garch
+    if garch.persistence <= 0.0 or garch.method not in ("maximum likelihood", "variance targeting"):
+        return [f"GARCH: {text}" for text in garch.flags]
+    before = garch.before.arch_lm.p_value if garch.before else math.nan
+    after = garch.after.arch_lm.p_value if garch.after else math.nan
+    life = garch.half_life / garch.rate
+    lines = [
+        f"variance clusters: persistence {garch.persistence:.5g}, half-life {life:.3g} s; "
+        f"ARCH-LM p is {before:.2g} before and {after:.2g} after GARCH"
+    ]
+    weight = float(garch.alpha.sum())
+    if weight < 0.01 or garch.standard_errors.get("alpha_1", 0.0) > 0.5 * weight:
+        lines[0] += f" (weak: past squares have a weight of {weight:.2g})"
+    return lines
+
+
+def _arma(name: str, results: Results) -> list[str]:
+    found = results.get("arma")
+    if not isinstance(found, MethodIdentification) or not isinstance(found.fit, ArmaFit):
+        return []
+    fit = found.fit
+    if fit.order == (0, 0):
+        return ["ARMA: white noise is enough"]
+    orders = f"ARMA({fit.order[0]}, {fit.order[1]})"
+    try:
+        parts = arma_to_gauss_markov_sum(fit.process)
+    except ModelError as error:
+        return [f"{orders} is no sum of white noise and Gauss-Markov noises: {error.found}"]
+    texts = []
+    for part in parts.parts:
+        if part.kind == "white_noise":
+            texts.append(f"white noise {spoken(part.parameters['density'], 'white noise', name)}")
+        else:
+            sigma = spoken(part.parameters["sigma"], "bias instability", name)
+            texts.append(f"Gauss-Markov {sigma} over {part.parameters['correlation_time']:.3g} s")
+    return [f"{orders} is exactly {' + '.join(texts)}"]
+
+
+def _fos(results: Results) -> list[str]:
+    found = results.get("fos")
+    if not isinstance(found, MethodIdentification) or not isinstance(found.fit, FosFit):
+        return []
+    fit = found.fit
+    gain = 1.0 - fit.mean_square_error / fit.deviation**2
+    share = f"{100.0 * gain:.2g} %" if gain > 0.0 else "nothing"
+    return [
+        f"FOS chose {len(fit.terms)} of {fit.candidates} terms; on the third of the record that "
+        f"it had not seen they explain {share} of the variance"
+    ]
+
+
+def _whiteness(residuals: Mapping[str, ResidualDiagnostics]) -> list[str]:
+    if not residuals:
+        return []
+    white = [m for m, d in residuals.items() if d.white]
+    rest = {m: d for m, d in residuals.items() if not d.white}
+    lines = []
+    if white:
+        lines.append(f"one-step errors of {', '.join(white)} are white")
+    if rest:
+        worst = max(rest.values(), key=lambda d: abs(d.largest_correlation[1]))
+        best = min(rest.values(), key=lambda d: abs(d.largest_correlation[1]))
+        span = "/".join(f"{abs(d.largest_correlation[1]):.2g}" for d in (best, worst))
+        lines.append(
+            f"correlation is left in the one-step errors of {', '.join(rest)} "
+            f"(largest {span if len(rest) > 1 else span.split('/')[0]})"
+        )
+    return lines
