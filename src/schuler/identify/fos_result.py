@@ -187,22 +187,27 @@ class FosFit:
             recent[-lag % depth] = data[base - lag]
         bound = _RUNAWAY * self.deviation
         for step in range(1, longest + 1):
-            value = np.full(base.size, self.intercept)
-            for weight, lags, sources in zip(
-                self.coefficients, self.terms, self.sources, strict=True
-            ):
-                term = np.full(base.size, weight)
-                for lag, source in zip(lags, sources, strict=True):
-                    if source == 0:
-                        term *= recent[(step - lag) % depth]
-                    else:
-                        term *= known[source - 1][base + step - lag]
-                value += term
+            value = self._next(recent, known, base, step)
             np.clip(value, self.mean - bound, self.mean + bound, out=value)
             recent[step % depth] = value
             for column in np.flatnonzero(np.asarray(steps) == step):
                 out[:, column] = value
         return out
+
+    def _next(
+        self, recent: FloatArray, known: list[FloatArray], base: NDArray[np.int64], step: int
+    ) -> FloatArray:
+        """The model at origin + step; `recent` holds the path so far as a ring by sample."""
+        value = np.full(base.size, self.intercept)
+        for weight, lags, sources in zip(self.coefficients, self.terms, self.sources, strict=True):
+            term = np.full(base.size, weight)
+            for lag, source in zip(lags, sources, strict=True):
+                if source == 0:
+                    term *= recent[(step - lag) % len(recent)]
+                else:
+                    term *= known[source - 1][base + step - lag]
+            value += term
+        return value
 
     def _checked(
         self, signal: ArrayLike, inputs: Sequence[ArrayLike]

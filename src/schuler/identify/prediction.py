@@ -153,21 +153,14 @@ def compare_predictors(
     steps = tuple(int(h) for h in horizons)
     if not steps or min(steps) < 1:
         raise InputError(f"horizons {steps}", expected="1 or more steps")
-    known = prepare(train, fewest=4 * max_order)
+    mean = prepare(train, fewest=4 * max_order).mean
     unseen = prepare(held_out, fewest=4 * max_order)
     data = np.asarray(held_out, dtype=np.float64)
     ar = select_ar(train, max_order, rate=rate)
-    predictors: dict[str, Predictor] = {
-        "zero": lambda origins, ahead: np.full((origins.size, len(ahead)), known.mean),
-        "last value": lambda origins, ahead: np.repeat(data[origins][:, None], len(ahead), axis=1),
-        "AR by BIC": lambda origins, ahead: multi_step_ar(ar, data, ahead, origins),
-    }
-    if process is not None:
-        predictors["Kalman"] = _kalman_predictor(process, data - known.mean, rate, known.mean)
-    memory = ar.order
-    for name, model in (models or {}).items():
-        memory = max(memory, model.order if isinstance(model, ArFit) else model.memory)
-        predictors[name] = _model_predictor(model, data)
+    every = {"AR by BIC": ar, **(models or {})}
+    predictors = _baselines(data, mean, process, rate)
+    predictors |= {name: _model_predictor(model, data) for name, model in every.items()}
+    memory = max(m.order if isinstance(m, ArFit) else m.memory for m in every.values())
     first = max(memory, unseen.values.size // _WARM_UP)
     origins = np.arange(first, data.size - max(steps))
     if origins.size < 2:
@@ -222,6 +215,18 @@ def multi_step_ar(
     for column, step in enumerate(steps):
         out[:, column] += past @ np.linalg.matrix_power(companion, step)[0]
     return out
+
+
+def _baselines(
+    data: FloatArray, mean: float, process: Process | None, rate: float
+) -> dict[str, Predictor]:
+    found: dict[str, Predictor] = {
+        "zero": lambda origins, ahead: np.full((origins.size, len(ahead)), mean),
+        "last value": lambda origins, ahead: np.repeat(data[origins][:, None], len(ahead), axis=1),
+    }
+    if process is not None:
+        found["Kalman"] = _kalman_predictor(process, data - mean, rate, mean)
+    return found
 
 
 def _model_predictor(model: ArFit | FosFit, data: FloatArray) -> Predictor:
