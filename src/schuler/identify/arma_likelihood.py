@@ -174,7 +174,7 @@ def approximate_slope(
 def exact_gradient(
     signal: FloatArray, coefficients: FloatArray, p: int, information: FloatArray
 ) -> FloatArray:
-    """Gradient of the exact log likelihood by central differences, a tenth of an error wide.
+    """Gradient of the exact log likelihood by central differences, a hundredth of an error wide.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def exact_gradient(
     """
     gradient = np.empty(coefficients.size)
     for k in range(coefficients.size):
-        low, high = _beside(coefficients, p, k, min(0.1 / math.sqrt(information[k, k]), 1e-3))
+        low, high = _beside(coefficients, p, k, min(0.01 / math.sqrt(information[k, k]), 1e-3))
         difference = likelihood(signal, high, p).value - likelihood(signal, low, p).value
         gradient[k] = difference / (high[k] - low[k])
     return gradient

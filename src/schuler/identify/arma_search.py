@@ -25,6 +25,7 @@ CLOSE_ENOUGH = 1e-8
 """Squared distance to the maximum, in standard errors, at which the climb ends."""
 _ROUGH = 1e-2
 _APPROXIMATE_LIMIT = 1e-3
+_SMALL_GAIN = 0.01
 _DAMPINGS = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
 
 
@@ -103,8 +104,14 @@ def climb(
                 break
             exact = True
             continue
+        gain = better[1].value - at.value
         coefficients, at = better
         taken += 1
+        if not exact and gain < _SMALL_GAIN:
+            # the approximate slope has no more to give
+            if rough:
+                break
+            exact = True
     return Climb(coefficients, at, distance if exact or rough else np.inf, taken)
 
 
@@ -128,8 +135,36 @@ def _best_along(
                 continue
             there = likelihood(signal, tried, p)
             if there.value > at.value:
-                return tried, there
+                return _farther(signal, coefficients, p, at, gradient, (tried, there))
     return None
+
+
+def _farther(
+    signal: FloatArray,
+    coefficients: FloatArray,
+    p: int,
+    at: Likelihood,
+    gradient: FloatArray,
+    reached: tuple[FloatArray, Likelihood],
+) -> tuple[FloatArray, Likelihood]:
+    """Double a step as long as the likelihood rises almost in a straight line.
+
+    Near the unit circle the residuals alone make the likelihood look far more curved than it is.
+    """
+    tried, there = reached
+    for _ in range(20):
+        step = tried - coefficients
+        # a parabola whose curvature is as expected gains half of what its slope promises
+        if there.value - at.value < 0.7 * float(gradient @ step):
+            break
+        double = coefficients + 2.0 * step
+        if not admissible(double, p):
+            break
+        beyond = likelihood(signal, double, p)
+        if beyond.value <= there.value:
+            break
+        tried, there = double, beyond
+    return tried, there
 
 
 def search(

@@ -17,6 +17,7 @@ from schuler.processes.base import Process, StateSpace
 FloatArray = NDArray[np.float64]
 
 _LONGEST_MEMORY = 10_000_000
+_UNIT_ROOT = 1e-12
 
 
 def poles_of(phi: Sequence[float] | FloatArray) -> NDArray[np.complex128]:
@@ -140,7 +141,7 @@ class ARMA(Process):
         object.__setattr__(self, "driving_variance", variance)
         object.__setattr__(self, "interval", positive(self.interval, "sample interval"))
         slowest = float(np.abs(self.poles).max(initial=0.0))
-        if slowest >= 1.0:
+        if slowest > 1.0 - _UNIT_ROOT:
             raise ModelError(
                 f"ARMA process with a pole of modulus {slowest:.9g}",
                 expected="all poles inside the unit circle",
