@@ -13,6 +13,7 @@ _HOMES = {
     "schuler.data.trajectory": "navigation",
     "schuler.characterize": "screening",
     "schuler.identify": "characterization",
+    "schuler.identify.comparison": "methods",
     "schuler.evaluate": "outages",
     "schuler.report.sections.navigation": "navigation",
     "schuler.report.sections.outages": "outages",
