@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schuler.errors import InputError
 from schuler.readers import read_gnss, read_imu, read_imus
 
 DEG = math.pi / 180.0

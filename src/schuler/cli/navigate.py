@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from schuler.cli.reading import DriveReading
+from schuler.cli.running import RunOptions
 from schuler.errors import InputError, SchulerError
 
 if TYPE_CHECKING:
@@ -23,13 +24,10 @@ def navigate(
     gnss: Path,
     noise: Path | None = None,
     smooth: bool = False,
-    lever_arm: str = "0,0,0",
-    heading: float | None = None,
-    time_offset: float | None = None,
-    tune_noise: Annotated[bool | None, Parameter(negative="--no-tune-noise")] = None,
     out: Path | None = None,
     report: Path | None = None,
     json: Path | None = None,
+    known: Annotated[RunOptions | None, Parameter(name="*")] = None,
     reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
 ) -> int:
     """Compute position, velocity and attitude of a drive, with their uncertainty.
@@ -47,27 +45,19 @@ def navigate(
         Noise model as YAML, from `schuler characterize --noise-out`.
     smooth : bool
         Use all data for every moment (fixed-interval smoother).
-    lever_arm : str
-        X,Y,Z from the IMU to the antenna in m, in the axes of the IMU.
-    heading : float, optional
-        Heading of the IMU's x axis at the start in deg; found from GNSS if not given.
-    time_offset : float, optional
-        Seconds to add to GNSS time to get IMU time; estimated if not given.
-    tune_noise : bool, optional
-        Scale the noise by the likelihood of the drive; done only when no noise model is given.
     out : Path, optional
         Write the trajectory here, .parquet or .csv.
     report : Path, optional
         Write a self-contained HTML page here.
     json : Path, optional
         Write a summary here; - for standard output.
+    known : RunOptions, optional
+        What is known about the run.
     reading : DriveReading, optional
         How to read the files.
     """
-    from math import radians
-
     from schuler.cli.console import Screen
-    from schuler.cli.loading import load_noise, parse_numbers, say_when_compiling, title_of
+    from schuler.cli.loading import load_noise, say_when_compiling, title_of
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.export.trajectory import check_trajectory_name, write_trajectory
@@ -78,21 +68,12 @@ def navigate(
     outputs = Outputs(out, report, json, inputs=inputs)
     if out is not None:
         check_trajectory_name(out)
-    arm = parse_numbers(lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0")
+    keywords = (known or RunOptions()).keywords()
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
     say_when_compiling()
     with progress("Navigating") as shown:
-        cut, setup = prepare(
-            recording,
-            fixes,
-            model,
-            lever_arm=arm,
-            heading=None if heading is None else radians(heading),
-            time_offset="estimate" if time_offset is None else time_offset,
-            tune_noise=tune_noise,
-            progress=shown.say,
-        )
+        cut, setup = prepare(recording, fixes, model, progress=shown.say, **keywords)
         shown.say("smoothing" if smooth else "filtering")
         done = run(cut, fixes, setup, smooth=smooth)
     causal, smoothed = done.causal, done.smoothed

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from schuler.cli.reading import DriveReading
+from schuler.cli.running import RunOptions
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,10 +26,10 @@ def outages(
     noise: Path | None = None,
     window: tuple[str, ...] = (),
     sweep: str | None = None,
-    lever_arm: str = "0,0,0",
     limit: float | None = None,
     report: Path | None = None,
     json: Path | None = None,
+    known: Annotated[RunOptions | None, Parameter(name="*")] = None,
     reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
 ) -> int:
     """Withhold GNSS in parts of a drive and measure the error against it.
@@ -46,21 +47,21 @@ def outages(
     window : tuple of str
         START:SECONDS, with START in seconds after the first GNSS epoch. May be repeated.
     sweep : str, optional
-        SECONDS:EVERY, windows of that length beginning every so many seconds, each in a run of
-        its own.
-    lever_arm : str
-        X,Y,Z from the IMU to the antenna in m, in the axes of the IMU.
+        SECONDS:EVERY, windows of that length beginning every so many seconds; those that
+        overlap are dealt into several runs.
     limit : float, optional
         Exit with code 1 when the causal mean of the largest errors is above so many m.
     report : Path, optional
         Write a self-contained HTML page here.
     json : Path, optional
         Write all results here; - for standard output.
+    known : RunOptions, optional
+        What is known about the run.
     reading : DriveReading, optional
         How to read the files.
     """
     from schuler.cli.console import Screen, say
-    from schuler.cli.loading import load_noise, parse_numbers, say_when_compiling, title_of
+    from schuler.cli.loading import load_noise, say_when_compiling, title_of
     from schuler.cli.navigate import load_drive
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.evaluate.outages import evaluate_outages
@@ -69,13 +70,13 @@ def outages(
     inputs = (imu, gnss, *((noise,) if noise else ()))
     outputs = Outputs(report, json, inputs=inputs)
     which = parse_windows(window, sweep)
-    arm = parse_numbers(lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0")
+    keywords = (known or RunOptions()).keywords()
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
     say_when_compiling()
     with progress("Evaluating outages") as shown:
         evaluation = evaluate_outages(
-            recording, fixes, model, lever_arm=arm, progress=shown.say, **which
+            recording, fixes, model, progress=shown.say, **keywords, **which
         )
     if report is not None:
         page = _page(evaluation, fixes, title_of(imu), inputs, which)
