@@ -256,6 +256,19 @@ def test_an_outlier_does_not_move_the_scale() -> None:
     np.testing.assert_allclose(hit.noise_scales, clean.noise_scales, rtol=0.2)
 
 
+def test_motion_taken_for_noise_is_told() -> None:
+    t = np.arange(100_000) / 100.0
+    motion = np.sin(2 * np.pi * 0.21 * t)
+    signal = motion + 0.1 * np.random.default_rng(18).standard_normal(t.size)
+    by_level = denoise(signal, level=8)
+    assert "motion in details" in by_level.flags
+    assert np.std(by_level.signal - motion) > 0.3
+    finest = denoise(signal, level=8, scale="sln")
+    assert finest.flags == ()
+    assert np.std(finest.signal - motion) < 0.05
+    assert denoise(signal, level=5).flags == ()
+
+
 def test_slow_gauss_markov_noise_survives() -> None:
     rng = np.random.default_rng(16)
     slow = GaussMarkov(1.0, 20.0).simulate(60_000, 0.01, rng)

@@ -201,6 +201,52 @@ def test_comparison_counts_in_combined_errors() -> None:
         compare_parameters(psd, Given({}, {}))
 
 
+# Tables 3 (PSD) and 4 (Allan variance, with its printed sigma) of S004, in the paper's units
+PRINTED = {
+    "acc X": {
+        "N": (0.045, 0.045, 0.00023),
+        "B": (4.6447, 5.1581, 0.0370),
+        "K": (168.6, 166.3, 4.6398),
+    },
+    "acc Y": {
+        "N": (0.044, 0.045, 0.00022),
+        "B": (4.67, 4.5507, 0.0506),
+        "K": (26.66, 24.95, 2.8368),
+    },
+    "acc Z": {
+        "N": (0.047, 0.047, 0.0005),
+        "B": (1.7733, 1.8336, 0.0524),
+        "K": (14.6, 13.53, 1.8685),
+    },
+    "gyro X": {"N": (2.297, 2.42, 0.0974), "B": (43.438, 44.533, 5.14)},
+    "gyro Y": {"N": (1.937, 1.988, 0.0565), "B": (39.614, 38.81, 2.51)},
+    "gyro Z": {"N": (2.058, 2.164, 0.0599), "B": (30.705, 31.717, 2.29)},
+}
+
+
+def test_most_within_the_interval_is_nine_of_fifteen() -> None:
+    # E-004-16: the paper's "most" of its own tables
+    outside = {}
+    total = 0
+    for axis, rows in PRINTED.items():
+        psd = Given({k: v[0] for k, v in rows.items()}, dict.fromkeys(rows, 0.0))
+        allan = Given({k: v[1] for k, v in rows.items()}, {k: v[2] for k, v in rows.items()})
+        table = compare_parameters(psd, allan)
+        total += len(table.rows)
+        for row in table.rows:
+            if row.parameter in table.outside(1.0):
+                outside[f"{axis} {row.parameter}"] = round(row.difference, 1)
+    assert total == 15
+    assert outside == {
+        "acc X B": -13.9,
+        "acc Y N": -4.5,
+        "acc Y B": 2.4,
+        "acc Z B": -1.2,
+        "gyro X N": -1.3,
+        "gyro Z N": -1.8,
+    }
+
+
 @pytest.mark.parametrize("scale", [1e-12, 1e12])
 def test_scale_does_not_matter(scale: float) -> None:
     signal = TRUTH.simulate(20_000, 0.1, np.random.default_rng(7))

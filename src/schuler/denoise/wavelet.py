@@ -26,6 +26,7 @@ Mode = Literal["soft", "hard"]
 Scale = Literal["mln", "sln", "one"]
 
 _USUAL_LEVEL = 6
+_MOTION = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +57,9 @@ class Denoised:
     flags : tuple of str
         "constant"; "unit noise" where scale "one" removes every detail because the data are not
         of unit noise; "coarse steps" where more than half of the finest details are exactly zero,
-        so that their median says nothing.
+        so that their median says nothing; "motion in details" where scale "mln" takes a level
+        for three times as noisy as the finest: more likely it holds motion, which the threshold
+        then removes (use fewer levels, or scale "sln").
     """
 
     signal: FloatArray
@@ -190,16 +193,13 @@ def denoise(
             f"wavelet '{wavelet}'", expected="a discrete wavelet of PyWavelets, such as 'db4'"
         ) from None
     levels = _levels(level, band, rate, pywt.dwt_max_level(values.size, basis.dec_len))
-    flags: list[str] = []
     # a constant changes no detail; without it no digits are lost
-    offset = float(values[0])
+    offset = float(values[0]) if values.size else 0.0
     coefficients = pywt.wavedec(values - offset, basis, mode="symmetric", level=levels)
     finest_first = coefficients[:0:-1]
-    if not any(d.any() for d in finest_first):
-        flags.append("constant")
-    if 2 * np.count_nonzero(finest_first[0] == 0.0) > finest_first[0].size and not flags:
-        flags.append("coarse steps")
     scales = _scales(finest_first, scale)
+    judged = details != "zero" and threshold != "none"
+    flags = _warnings(finest_first, scales if scale == "mln" and judged else scales[:1])
     limits = np.zeros(levels)
     kept = np.zeros(levels)
     for k, d in enumerate(finest_first):
@@ -207,8 +207,8 @@ def denoise(
         if d.any() and limits[k] > 0.0:
             d[:] = _shrunk(d, limits[k], mode)
         kept[k] = np.count_nonzero(d) / d.size
-    if scale == "one" and details != "zero" and not kept.any() and not flags:
-        flags.append("unit noise")
+    if scale == "one" and judged and not kept.any() and not flags:
+        flags = ("unit noise",)
     restored = pywt.waverec(coefficients, basis, mode="symmetric")[: values.size] + offset
     highest = (1.0 if rate is None else float(rate)) / 2.0 ** (levels + 1)
     return Denoised(
@@ -225,7 +225,7 @@ def denoise(
         details=details,
         reach=int((basis.dec_len - 1) * (2**levels - 1)),
         rate=None if rate is None else float(rate),
-        flags=tuple(flags),
+        flags=flags,
     )
 
 
@@ -285,6 +285,17 @@ def _scales(finest_first: list[FloatArray], scale: Scale) -> FloatArray:
     if scale == "sln":
         return np.full(len(finest_first), _robust_scale(finest_first[0]))
     return np.array([_robust_scale(d) for d in finest_first])
+
+
+def _warnings(finest_first: list[FloatArray], scales: FloatArray) -> tuple[str, ...]:
+    if not any(d.any() for d in finest_first):
+        return ("constant",)
+    flags = []
+    if 2 * np.count_nonzero(finest_first[0] == 0.0) > finest_first[0].size:
+        flags.append("coarse steps")
+    if (scales > _MOTION * scales[0]).any():
+        flags.append("motion in details")
+    return tuple(flags)
 
 
 def _robust_scale(details: FloatArray) -> float:
