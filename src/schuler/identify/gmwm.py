@@ -175,7 +175,7 @@ def fit_gmwm(
     """
     values = _values(signal)
     curve = wavelet_variance(values, rate, robust, efficiency)
-    return fit_gmwm_curves([curve], model, _tails(values) if not robust else 1.0)
+    return fit_gmwm_curves([curve], model, tail_ratio(values) if not robust else 1.0)
 
 
 def fit_gmwm_replicates(
@@ -217,7 +217,7 @@ def fit_gmwm_replicates(
             curves.append(wavelet_variance(values, rate, robust, efficiency))
         except (InputError, EstimationError) as error:
             raise error.at(f"record {k}") from None
-        tails = max(tails, 1.0 if robust else _tails(values))
+        tails = max(tails, 1.0 if robust else tail_ratio(values))
     pooled = fit_gmwm_curves(curves, model, tails)
     used = [_from(c, float(pooled.diagnostics.tau[0])) for c in curves]
     granted = 2.0 * pooled.diagnostics.discrepancy
@@ -352,8 +352,19 @@ def _values(signal: ArrayLike) -> NDArray[Any]:
     return values
 
 
-def _tails(values: NDArray[Any]) -> float:
-    """Variance at the finest scale over what it is without outliers."""
+def tail_ratio(values: NDArray[Any]) -> float:
+    """Compare the variance at the finest scale with what it is without outliers.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        Signal.
+
+    Returns
+    -------
+    float
+        Variance of the differences over its robust value; 1 where most of them are zero.
+    """
     step = np.diff(values.astype(np.float64))
     plain = float(step @ step) / step.size
     if plain == 0.0 or median_scale(step) == 0.0:

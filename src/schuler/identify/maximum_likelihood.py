@@ -18,17 +18,18 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.characterize.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify.curve_fit import free_parameters
-from schuler.identify.gmwm import fit_gmwm_curves
+from schuler.identify.gmwm import fit_gmwm_curves, tail_ratio
 from schuler.identify.identification import FitDiagnostics, Identification
 from schuler.identify.record import judge_record
 from schuler.identify.slopes import slope_method
-from schuler.identify.wavelet_moments import Names, relative_covariance, with_logs
+from schuler.identify.wavelet_moments import Names, misfit, relative_covariance, with_logs
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,
     Process,
     ProcessSum,
     RandomWalk,
+    RateRamp,
     WhiteNoise,
 )
 
@@ -36,9 +37,10 @@ FloatArray = NDArray[np.float64]
 
 _KINDS = ("white_noise", "gauss_markov", "random_walk", "bias_instability", "turn_on_bias")
 _SHORTEST_RECORD = 100
-_STEP = 1e-5
+_STEP = 1e-6
 _STEADY = 1e-13
-_CLOSE = 1e-5
+_CLOSE = 1e-7
+_ROUNDING = 1e-12
 _LONGEST_BLOCK = 64
 _FEWEST_BLOCKS = 20_000
 _VANISHED = 1e-7
@@ -107,7 +109,8 @@ def fit_maximum_likelihood(
         Samples a second.
     model : {"auto", "classical"} or Process
         A sum of white noise, Gauss-Markov noises, random walk, bias instability (a constant is
-        always there); "auto" takes the structure that wavelet moments choose.
+        always there); "auto" takes the structure that wavelet moments choose. A ramp is taken off
+        by least squares first.
     block : int or "auto"
         Average so many samples into one value first; the processes of the means are the exact
         ones. "auto" averages long records as far as white noise dominates. What is lost is
@@ -136,17 +139,25 @@ def fit_maximum_likelihood(
             f"signal has {values.size} samples", expected=f"at least {_SHORTEST_RECORD}"
         )
     curve = wavelet_variance(values, rate)
-    begin = fit_gmwm_curves([curve], _known(model))
+    begin = fit_gmwm_curves([curve], _known(model), tail_ratio(values))
+    flags = [f for f in begin.flags if f.startswith("heavy tails")]
+    line = RateRamp(0.0)
+    if any(isinstance(p, RateRamp) for p in begin.process.parts):
+        values, line = _without_line(values, rate)
+        flags.append(f"a line of {line.slope:.4g} a second was taken off by least squares first")
+        begin = fit_gmwm_curves([wavelet_variance(values, rate)], _known(model))
     parts = tuple(p for p in begin.process.parts if p.kind in _KINDS)
-    flags = [
+    flags += [
         f"{p.kind} is part of the wavelet fit but not of this likelihood, and was left out"
         for p in begin.process.parts
-        if p.kind not in _KINDS
+        if p.kind not in _KINDS and not isinstance(p, RateRamp)
     ]
     if not any(isinstance(p, WhiteNoise | GaussMarkov | BiasInstability) for p in parts):
         parts = (WhiteNoise(math.sqrt(2.0 * float(curve.variance[0]) / rate)), *parts)
     count = _block(block, parts, values.size, 1.0 / rate)
     means = _block_means(values, count)
+    if line.slope:
+        parts = (*parts, line)
     found = _maximise(parts, means, 1.0 / rate, count)
     return _result(found, curve, count, means.size, flags)
 
@@ -155,7 +166,7 @@ def _known(
     model: Literal["auto", "classical"] | Process,
 ) -> Literal["auto", "classical"] | Process:
     if isinstance(model, Process):
-        strange = [p.kind for p in model.components if p.kind not in _KINDS]
+        strange = [p.kind for p in model.components if p.kind not in (*_KINDS, "rate_ramp")]
         if strange:
             raise ModelError(
                 f"the likelihood does not know '{strange[0]}'",
@@ -163,6 +174,13 @@ def _known(
                 cure="use wavelet moments",
             )
     return model
+
+
+def _without_line(values: NDArray[Any], rate: float) -> tuple[FloatArray, RateRamp]:
+    """The signal less its least squares line through the middle, and the line."""
+    time = (np.arange(values.size) - 0.5 * (values.size - 1)) / rate
+    slope = float(time @ (values - values.mean())) / float(time @ time)
+    return np.asarray(values - slope * time), RateRamp(slope)
 
 
 def _block(wanted: int | str, parts: Sequence[Process], samples: int, dt: float) -> int:
@@ -277,7 +295,7 @@ def _evaluate(
 
 def _maximise(parts: Sequence[Process], data: FloatArray, dt: float, block: int) -> _Maximum:
     """Fisher scoring with damping; amplitudes and times stay within what the data can show."""
-    names = tuple(f for f in free_parameters(parts) if parts[f[0]].kind != "turn_on_bias")
+    names = tuple(f for f in free_parameters(parts) if parts[f[0]].kind != "rate_ramp")
     if not names:
         raise ModelError("the model has no parameter that a likelihood shows")
     spread = float(np.std(np.diff(data)))
@@ -307,7 +325,7 @@ def _maximise(parts: Sequence[Process], data: FloatArray, dt: float, block: int)
         trial[free] += np.clip(np.linalg.solve(scaled, score[free]), -1.5, 1.5)
         trial = np.clip(trial, low, high)
         there = _evaluate(parts, names, trial, data, dt, block)
-        if math.isfinite(there[0]) and there[0] > value:
+        if math.isfinite(there[0]) and there[0] > value - _ROUNDING * abs(value):
             logs, (value, variance, score, information) = trial, there
             damping = max(0.1 * damping, 1e-9)
         else:
@@ -338,12 +356,11 @@ def _result(
     if not found.converged:
         flags.append("the search for the maximum did not converge")
     keep = curve.factors >= block
-    model = process.wavelet_variance(curve.scale)
-    residual = (curve.variance / model - 1.0)[keep]
+    model = _sampled_wavelet_variance(process, curve.factors, 1.0 / curve.rate)
     scatter = relative_covariance(process, curve)[np.ix_(keep, keep)]
-    misfit = float(residual @ np.linalg.solve(scatter, residual))
-    freedom = int(residual.size) - len(found.names)
-    flags += _misfit_flags(misfit, freedom)
+    chi_square = misfit(curve.variance[keep], model[keep], scatter)
+    freedom = int(np.count_nonzero(keep)) - len(found.names)
+    flags += _misfit_flags(chi_square, freedom)
     parameters = len(found.names)
     return LikelihoodIdentification(
         process=process,
@@ -352,7 +369,7 @@ def _result(
         limits=limits,
         curve=curve.allan,
         diagnostics=FitDiagnostics(
-            chi_square=misfit,
+            chi_square=chi_square,
             degrees_of_freedom=freedom,
             discrepancy=0.0,
             tau=curve.scale[keep],
@@ -372,12 +389,27 @@ def _result(
     )
 
 
-def _misfit_flags(misfit: float, freedom: int) -> list[str]:
+def _sampled_wavelet_variance(
+    process: ProcessSum, factors: NDArray[np.int64], dt: float
+) -> FloatArray:
+    """Wavelet variance of samples of the process, where closed forms average in between."""
+    out = np.empty(factors.size)
+    for j, m in enumerate(factors.tolist()):
+        (phi, load, drive, shared, start), noise = _states(process.parts, dt, m)
+        moved = load**2 * ((1.0 - phi) ** 2 * start + drive) - 2.0 * load * shared
+        out[j] = 0.25 * (float(np.sum(moved)) + 2.0 * noise)
+    ramps = [p for p in process.parts if isinstance(p, RateRamp)]
+    for ramp in ramps:
+        out += ramp.wavelet_variance(factors * dt)
+    return out
+
+
+def _misfit_flags(chi_square: float, freedom: int) -> list[str]:
     from scipy.special import chdtrc
 
-    if freedom > 0 and float(chdtrc(freedom, misfit)) < 1e-3:
+    if freedom > 0 and float(chdtrc(freedom, chi_square)) < 1e-3:
         return [
-            f"the model misses the wavelet variance (chi-square {misfit:.3g} for {freedom}): "
+            f"the model misses the wavelet variance (chi-square {chi_square:.3g} for {freedom}): "
             "errors from the information are too small"
         ]
     return []

@@ -78,6 +78,30 @@ def _keep_positive(matrix: FloatArray) -> None:
         matrix[:] = lifted * np.outer(diagonal, diagonal)
 
 
+def misfit(variance: FloatArray, model: FloatArray, relative: FloatArray) -> float:
+    """Whitened misfit of a wavelet variance, cube roots taken.
+
+    The cube root of a chi-square is nearly normal (Wilson and Hilferty) where the chi-square of
+    the few degrees of freedom at long scales is not.
+
+    Parameters
+    ----------
+    variance : (t,) ndarray
+        Estimate.
+    model : (t,) ndarray
+        Expectation.
+    relative : (t, t) ndarray
+        Covariance of the estimate over products of the expectations.
+
+    Returns
+    -------
+    float
+        Chi-square with t degrees of freedom if the model is true.
+    """
+    root = 3.0 * (np.cbrt(variance / model) - 1.0 + np.diag(relative) / 9.0)
+    return float(root @ np.linalg.solve(relative, root))
+
+
 def pooled_points(curves: Sequence[WaveletVarianceCurve]) -> CurvePoints:
     """Average curves of one sensor, each by the number of its coefficients.
 
@@ -155,7 +179,7 @@ class MomentFit:
     log_covariance : (p, p) ndarray
         Sandwich covariance of the logarithms of the parameters.
     chi_square : float
-        J, the whitened misfit.
+        J, the whitened misfit, of cube roots (nearly normal at every scale).
     degrees_of_freedom : int
         Scales of all curves less parameters.
     wvic : float
@@ -265,6 +289,10 @@ class _Weighted:
         whitener = np.asarray(solve_triangular(lower, np.eye(len(total)), lower=True))
         reference = process.wavelet_variance(curve.scale)
         return cls(curve.scale, curve.variance, reference, whitener)
+
+    def misfit(self) -> float:
+        """Misfit of the curve from the reference."""
+        return misfit(self.variance, self.reference, np.linalg.inv(self.whitener.T @ self.whitener))
 
     def residual(
         self, parts: Sequence[Process], names: Names, logs: FloatArray
@@ -406,7 +434,7 @@ def fit_moments(
         if standing:
             break
     fitted = with_logs(parts, names, logs)
-    residual, slopes = _stacked(weighted, parts, names, logs)
+    slopes = _stacked(weighted, parts, names, logs)[1]
     final = _weights(curves, ProcessSum(fitted), discrepancy)
     bread = np.linalg.inv(slopes.T @ slopes + np.diag(np.full(len(names), _NOTHING)))
     meat, optimism, row = np.zeros((len(names), len(names))), 0.0, 0
@@ -419,7 +447,7 @@ def fit_moments(
         meat += root @ root.T
     sandwich = bread @ meat @ bread
     optimism = float(np.trace(bread @ meat))
-    chi_square = float(residual @ residual)
+    chi_square = math.fsum(w.misfit() for w in final)
     return MomentFit(
         parts=fitted,
         names=names,
