@@ -155,23 +155,49 @@ def test_a_misfit_is_told_and_widens_the_errors() -> None:
     wrong = identify_spectrum(signal, 10.0, WhiteNoise(1.0) + RandomWalk(1.0))
     right = identify_spectrum(signal, 10.0, WhiteNoise(1.0) + GaussMarkov(1.0, 1.0))
     assert "misfit" in wrong.flags
-    assert wrong.dispersion > 3.0
+    assert wrong.discrepancy > 0.1
     assert right.flags == ()
+    assert right.discrepancy == 0.0
     assert right.dispersion < 1.5
     assert wrong.standard_errors["white_noise.density"] > (
         1.5 * right.standard_errors["white_noise.density"]
     )
 
 
-def test_a_band_keeps_a_sensors_own_filter_out() -> None:
+def test_a_term_that_is_not_there_gets_a_limit() -> None:
+    rng = np.random.default_rng(10)
+    true = WhiteNoise(1.0) + GaussMarkov(0.5, 5.0)
+    model = true + RandomWalk(1.0)
+    limits = []
+    for _ in range(12):
+        fit = identify_spectrum(true.simulate(50_000, 0.1, rng), 10.0, model)
+        value = fit.parameters["random_walk.density"]
+        error = fit.standard_errors["random_walk.density"]
+        limits.append(fit.intervals["random_walk.density"][1])
+        # nothing is claimed that the record does not show
+        assert value < 2.5 * error
+        assert error > 1e-3
+    # a walk above the limits is seen: K² adds to the spectrum at the lowest frequencies
+    seen = 4.0 * float(np.median(limits))
+    walking = true + RandomWalk(seen)
+    found = identify_spectrum(walking.simulate(50_000, 0.1, rng), 10.0, model)
+    assert found.parameters["random_walk.density"] == pytest.approx(seen, rel=0.5)
+    assert found.intervals["random_walk.density"][0] > 0.0
+
+
+def test_a_sensors_own_filter_is_kept_out() -> None:
     rng = np.random.default_rng(6)
     fast = rng.standard_normal(400_002)
     smooth = (fast[:-2] + fast[1:-1] + fast[2:]) / 3.0
     whole = identify_spectrum(smooth, 100.0, WhiteNoise(1.0))
     inside = identify_spectrum(smooth, 100.0, WhiteNoise(1.0), band=(0.0, 3.0))
-    assert "misfit" in whole.flags
+    beyond = identify_spectrum(smooth, 100.0, WhiteNoise(1.0), band=(0.0, 50.0))
+    assert whole.flags == ("fast part left out",)
+    assert whole.frequency.max() <= 5.0
     assert inside.flags == ()
-    assert inside.parameters["white_noise.density"] == pytest.approx(0.1, rel=0.02)
+    assert "misfit" in beyond.flags
+    for fit in (whole, inside):
+        assert fit.parameters["white_noise.density"] == pytest.approx(0.1, rel=0.02)
 
 
 @dataclass(frozen=True)

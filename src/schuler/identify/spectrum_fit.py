@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.characterize.spectrum import SpectrumCurve, power_spectral_density
 from schuler.errors import EstimationError, InputError
+from schuler.identify.curve_fit import FREE
 from schuler.identify.record import RecordVerdict, judge_record
 from schuler.identify.selection import PENALTY
 from schuler.identify.spectrum_likelihood import (
@@ -20,6 +21,7 @@ from schuler.identify.spectrum_likelihood import (
     checked_structure,
     fit_spectrum_structure,
     scaled_under,
+    smallest_seen,
     spectrum_points,
 )
 from schuler.identify.spectrum_slopes import SpectrumReadings, spectrum_slopes
@@ -38,6 +40,8 @@ FloatArray = NDArray[np.float64]
 _FEWEST_POINTS = 8
 _MOST_GAUSS_MARKOVS = 3
 _SUSPICIOUS = 3.0
+_BAND_EDGE = 0.05
+_VANISHED = 1.5
 _ORDER = ("white_noise", "quantization", "gauss_markov", "random_walk")
 
 
@@ -52,7 +56,7 @@ class SpectrumFit:
     standard_errors : dict of str to float
         By parameter, e.g. "gauss_markov.sigma".
     intervals : dict of str to (float, float)
-        95 % intervals, symmetric in the logarithm.
+        95 % intervals, symmetric in the logarithm; from zero for an amplitude that vanished.
     curve : SpectrumCurve
         The density that was fitted.
     ratio : (b,) ndarray
@@ -60,8 +64,10 @@ class SpectrumFit:
     frequency : (b,) ndarray
         Hz.
     dispersion : float
-        Misfit over what chance explains; errors are widened by its root where it is above one
-        beyond chance.
+        Misfit over what chance and the discrepancy explain.
+    discrepancy : float
+        Relative standard deviation that had to be granted to every point because no sum of these
+        processes fits better; 0 when the misfit is pure chance. Errors include it.
     candidates : mapping of str to float
         Criterion (smaller is better) of the structures that were compared.
     slopes : SpectrumReadings
@@ -71,7 +77,9 @@ class SpectrumFit:
     converged : bool
         The fit ended by itself.
     flags : tuple of str
-        "trend", "misfit", "not converged".
+        "trend"; "fast part left out": the fit ends at a twentieth of the rate, because faster
+        points do not follow the model (a sensor's own low-pass does that); "misfit": a
+        discrepancy was granted; "not converged".
     """
 
     process: ProcessSum
@@ -81,6 +89,7 @@ class SpectrumFit:
     ratio: FloatArray
     frequency: FloatArray
     dispersion: float
+    discrepancy: float
     candidates: Mapping[str, float]
     slopes: SpectrumReadings
     verdict: RecordVerdict
@@ -108,7 +117,11 @@ class SpectrumFit:
                 }
                 for key, value in self.parameters.items()
             },
-            "misfit": {"dispersion": self.dispersion, "candidates": dict(self.candidates)},
+            "misfit": {
+                "dispersion": self.dispersion,
+                "discrepancy": self.discrepancy,
+                "candidates": dict(self.candidates),
+            },
             "slope_method": self.slopes.to_dict(),
             "record": self.verdict.to_dict(),
             "converged": self.converged,
@@ -171,7 +184,8 @@ def fit_spectrum(
         random walk; "classical" is white noise + bias instability + random walk; a process (sum)
         fixes the structure.
     band : (float, float), optional
-        Frequencies in Hz to which the fit is restricted, as below a sensor's own filter.
+        Frequencies in Hz to which the fit is restricted. Without it, points above a twentieth of
+        the rate are left out where nothing fits them.
 
     Returns
     -------
@@ -203,19 +217,15 @@ def fit_spectrum(
             expected=f"at least {_FEWEST_POINTS}",
             cure="record longer, or widen the band",
         )
-    candidates: dict[str, float] = {}
-    if model == "auto":
-        fit, candidates = _choose(points)
-    else:
-        parts = [scaled_under(p, points) for p in _structure(model, points)]
-        fit = fit_spectrum_structure(parts, points)
-    dispersion, suspicious = _dispersion(fit, points)
+    if model != "auto":
+        _structure(model, points)
+    points, fit, candidates, granted, left_out = _fit(points, model, band is None)
+    dispersion, _ = _dispersion(fit, points)
     flags = [f for f in curve.flags if f == "trend"]
-    if suspicious:
-        flags.append("misfit")
-    if not fit.converged:
-        flags.append("not converged")
-    errors, intervals = _errors(fit, math.sqrt(dispersion) if suspicious else 1.0)
+    flags += ["fast part left out"] if left_out else []
+    flags += ["misfit"] if granted > 0.0 else []
+    flags += [] if fit.converged else ["not converged"]
+    errors, intervals = _errors(fit, points)
     return SpectrumFit(
         process=fit.process,
         standard_errors=errors,
@@ -224,12 +234,45 @@ def fit_spectrum(
         ratio=fit.ratio,
         frequency=points.frequency,
         dispersion=dispersion,
+        discrepancy=granted,
         candidates=candidates,
         slopes=spectrum_slopes(curve),
         verdict=judge_record(fit.process, errors, curve.duration),
         converged=fit.converged,
         flags=tuple(flags),
     )
+
+
+def _fit(
+    points: SpectrumPoints, model: str | Process, may_leave_out: bool
+) -> tuple[SpectrumPoints, SpectrumStructureFit, dict[str, float], float, bool]:
+    """Fit; where that fails leave out the fastest points, then grant a discrepancy."""
+
+    def attempt(points: SpectrumPoints) -> tuple[SpectrumStructureFit, dict[str, float]]:
+        if model == "auto":
+            return _choose(points)
+        parts = [scaled_under(p, points) for p in _structure(model, points)]
+        return fit_spectrum_structure(parts, points), {}
+
+    fit, candidates = attempt(points)
+    if not _dispersion(fit, points)[1]:
+        return points, fit, candidates, 0.0, False
+    slow = points.below(_BAND_EDGE / points.dt)
+    left_out = may_leave_out and slow.frequency.size >= _FEWEST_POINTS
+    if left_out:
+        points = slow
+        fit, candidates = attempt(points)
+        if not _dispersion(fit, points)[1]:
+            return points, fit, candidates, 0.0, True
+    low, high = 1e-4, 3.0
+    for _ in range(12):
+        middle = math.sqrt(low * high)
+        granted = points.with_discrepancy(middle)
+        again = fit_spectrum_structure(fit.parts, granted, iterations=20)
+        low, high = (middle, high) if _dispersion(again, granted)[0] > 1.0 else (low, middle)
+    points = points.with_discrepancy(high)
+    fit, candidates = attempt(points)
+    return points, fit, candidates, high, left_out
 
 
 def _structure(model: str | Process, points: SpectrumPoints) -> tuple[Process, ...]:
@@ -256,17 +299,23 @@ def _dispersion(fit: SpectrumStructureFit, points: SpectrumPoints) -> tuple[floa
 
 
 def _errors(
-    fit: SpectrumStructureFit, widening: float
+    fit: SpectrumStructureFit, points: SpectrumPoints
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     names = fit.process.names
     errors: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
     for j, (k, name) in enumerate(fit.names):
         value = float(getattr(fit.parts[k], name))
-        spread = min(widening * math.sqrt(float(fit.log_covariance[j, j])), 50.0)
+        spread = min(math.sqrt(float(fit.log_covariance[j, j])), 50.0)
         key = f"{names[k]}.{name}"
         errors[key] = min(value * spread, 1e3 * value)
-        intervals[key] = (value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread))
+        low, high = value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread)
+        if spread > _VANISHED and name == FREE[fit.parts[k].kind][0]:
+            # its square, in which the density is linear, is known even where it is not seen
+            unseen = smallest_seen(fit, j, points)
+            errors[key] = max(errors[key] if spread < 50.0 else 0.0, unseen)
+            low, high = 0.0, math.sqrt(value**2 + (1.959964 * unseen) ** 2)
+        intervals[key] = (low, high)
     return errors, intervals
 
 

@@ -65,6 +65,34 @@ class SpectrumPoints:
     dt: float
     duration: float
 
+    def below(self, highest: float) -> SpectrumPoints:
+        """Return the points below a frequency in Hz."""
+        keep = self.frequency <= highest
+        nodes = keep[self.group]
+        place = np.cumsum(keep) - 1
+        covariance = self.covariance[np.ix_(keep, keep)]
+        return replace(
+            self,
+            frequency=self.frequency[keep],
+            density=self.density[keep],
+            freedom=self.freedom[keep],
+            weight=_weights(covariance),
+            covariance=covariance,
+            cycles=self.cycles[nodes],
+            share=self.share[nodes],
+            group=place[self.group[nodes]],
+        )
+
+    def with_discrepancy(self, discrepancy: float) -> SpectrumPoints:
+        """Return the same points, none of them surer than a relative standard deviation."""
+        covariance = self.covariance + discrepancy**2 * np.eye(self.frequency.size)
+        return replace(
+            self,
+            freedom=2.0 / np.diag(covariance),
+            weight=_weights(covariance),
+            covariance=covariance,
+        )
+
     def expected(self, part: Process) -> FloatArray:
         """Return what a process puts into every point on average.
 
@@ -81,6 +109,11 @@ class SpectrumPoints:
         values = part.sampled_psd(self.cycles, self.dt) * self.dt
         size = self.frequency.size
         return np.asarray(np.bincount(self.group, self.share * values, minlength=size))
+
+
+def _weights(covariance: FloatArray) -> FloatArray:
+    """Degrees of freedom of every point less what it shares with its neighbours."""
+    return np.asarray(2.0 / np.sum(covariance, axis=1))
 
 
 def spectrum_points(
@@ -117,13 +150,11 @@ def spectrum_points(
         share.append(weight)
         group.append(np.full(bins.size, k))
     covariance = group_covariance(curve)[np.ix_(keep, keep)]
-    crowding = np.sum(covariance, axis=1) / np.diag(covariance)
-    freedom = curve.degrees_of_freedom[keep]
     return SpectrumPoints(
         frequency=curve.frequency[keep],
         density=curve.two_sided[keep],
-        freedom=freedom,
-        weight=freedom / crowding,
+        freedom=curve.degrees_of_freedom[keep],
+        weight=_weights(covariance),
         covariance=covariance,
         cycles=np.concatenate([np.zeros(0), *cycles]),
         share=np.concatenate([np.zeros(0), *share]),
@@ -325,3 +356,34 @@ def fit_spectrum_structure(
         ratio=points.density / model,
         converged=converged,
     )
+
+
+def smallest_seen(fit: SpectrumStructureFit, index: int, points: SpectrumPoints) -> float:
+    """Return the amplitude at which a term would just begin to show.
+
+    Parameters
+    ----------
+    fit : SpectrumStructureFit
+        Where the term has vanished.
+    index : int
+        Which of its free parameters, an amplitude.
+    points : SpectrumPoints
+        What was fitted.
+
+    Returns
+    -------
+    float
+        Root of the standard deviation of its square, all other terms being free.
+    """
+    k, name = fit.names[index]
+    unit = replace(fit.parts[k], **{name: 1.0})  # type: ignore[type-var]
+    logs = np.array([math.log(max(abs(getattr(fit.parts[i], n)), 1e-300)) for i, n in fit.names])
+    model, jacobian = _evaluate(fit.parts, fit.names, logs, points)
+    root = np.sqrt(0.5 * points.weight)
+    column = root * points.expected(unit) / model
+    size = float(np.linalg.norm(column))
+    others = [j for j, (part, _) in enumerate(fit.names) if part != k]
+    known = root[:, None] * jacobian[:, others]
+    left = column / size
+    left = left - known @ np.linalg.lstsq(known, left, rcond=1e-10)[0]
+    return 1.0 / math.sqrt(size * max(float(np.linalg.norm(left)), 1e-6))
