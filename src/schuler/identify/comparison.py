@@ -32,7 +32,7 @@ from schuler.identify.residual_diagnostics import ResidualDiagnostics
 from schuler.identify.result import MethodIdentification
 from schuler.identify.series_methods import ArGarchFit
 from schuler.identify.signals import checked_signal
-from schuler.identify.structure_methods import process_diagnostics
+from schuler.identify.structure_methods import fastest_block, process_diagnostics
 from schuler.processes import Process
 
 FloatArray = NDArray[np.float64]
@@ -40,6 +40,7 @@ Result = Identification | MethodIdentification
 
 DEFAULT_METHODS = ("allan", "slope", "psd", "gmwm", "ml")
 _FIT_A_MODEL = ("allan", "psd", "gmwm", "gmwm-robust", "ml")
+_BANDED = ("psd", "ml")
 _BLOCKS = 600
 _FEWEST = 100
 _FLOOR_SAMPLES = 1024
@@ -231,6 +232,7 @@ def compare_methods(
     results: dict[str, Result] = {}
     failures: dict[str, str] = {}
     shared: Process | None = None
+    shortest: float | None = None
     structure = "each method chose its own"
     for method in wanted:
         if told is not None:
@@ -241,10 +243,14 @@ def compare_methods(
         elif isinstance(model, str) and model == "shared":
             use = shared_structure(shared, method) or "auto"
         try:
-            results[method] = identify(values, rate, use, method=method)
+            results[method] = identify(
+                values, rate, use, method=method, shortest=shortest if method in _BANDED else None
+            )
         except SchulerError as error:
             failures[method] = str(error)
             continue
+        if shortest is None:
+            shortest = _shortest_time(results[method])
         if method in _FIT_A_MODEL and shared is None and model == "shared":
             shared = results[method].process
             structure = f"chosen by method '{method}', the same for all that fit a structure"
@@ -253,6 +259,16 @@ def compare_methods(
             "no method has an answer: " + "; ".join(f"{m}: {t}" for m, t in failures.items())
         )
     return _described(values, float(rate), name, results, failures, structure)
+
+
+def _shortest_time(result: Result) -> float | None:
+    """The time above which a fit holds, if it left out faster ones."""
+    fit = result.fit if isinstance(result, MethodIdentification) else result
+    if not isinstance(fit, Identification):
+        return None
+    rate = fit.curve.rate
+    block = fastest_block(fit, rate)
+    return block / rate if block > 1 else None
 
 
 def _checked(methods: Sequence[str]) -> tuple[str, ...]:
@@ -289,7 +305,7 @@ def _described(
             theory[method] = theory_of(result.process, allan, spectrum, correlation)
         left = result.diagnostics
         if isinstance(result, Identification):
-            left = process_diagnostics(values, result.process, rate)
+            left = process_diagnostics(values, result.process, rate, fastest_block(result, rate))
         if isinstance(left, ResidualDiagnostics):
             residuals[method] = left
     parameters = compare_parameters(results)

@@ -10,7 +10,7 @@ import numpy as np
 from schuler.characterize.allan import AllanCurve
 from schuler.errors import ModelError
 from schuler.identify.arma import ArmaFit
-from schuler.identify.comparison_parameters import AGREE, ParameterAgreement
+from schuler.identify.comparison_parameters import ParameterAgreement
 from schuler.identify.fos_result import FosFit
 from schuler.identify.gmwm import GmwmIdentification
 from schuler.identify.identification import Identification
@@ -36,6 +36,7 @@ WORDS = {
 }
 _CROSSING_SHARE = 0.5
 _OUTLIERS = 1.1
+_NOTABLE_MISFIT = 0.01
 _PROCESS_METHODS = ("ml", "gmwm", "allan", "psd")
 
 
@@ -113,9 +114,14 @@ def findings_of(
     tuple of str
         Sentences.
     """
-    lines = [*_agreement(parameters), *_crossing(name, curve, results), *_robust(name, results)]
+    lines = [
+        *_agreement(parameters),
+        *_misfit(results),
+        *_crossing(name, curve, results),
+        *_robust(name, results),
+    ]
     lines += [*_yule_walker(results), *_garch(results), *_arma(name, results), *_fos(results)]
-    lines += _whiteness(residuals)
+    lines += [*_left_out(curve.rate, residuals), *_whiteness(residuals)]
     lines += [f"{method}: {text}" for method, text in failures.items()]
     return tuple(lines)
 
@@ -133,18 +139,33 @@ def _agreement(parameters: Sequence[ParameterAgreement]) -> list[str]:
             f"share; the largest difference is {worst.worst:.1f} combined standard deviations "
             f"({words_of(worst.parameter)})"
         ]
-    lines = []
-    for p in apart:
+    told = []
+    for p in sorted(apart, key=lambda p: -p.worst):
         first, second = p.worst_pair
-        share = abs(p.values[second] / p.values[first] - 1.0)
-        lines.append(
-            f"{first} and {second} differ by {p.worst:.1f} combined standard deviations in "
-            f"{words_of(p.parameter)} ({100.0 * share:.2g} %; up to {AGREE:g} counts as agreement)"
-        )
-    return lines
+        low, high = sorted((p.values[first], p.values[second]))
+        ratio = high / low
+        size = f"{100.0 * (ratio - 1.0):.2g} %" if ratio < 2.0 else f"{ratio:.2g} times"
+        told.append(f"{words_of(p.parameter)} by {p.worst:.1f} ({first} and {second}, {size})")
+    return [f"methods differ, in combined standard deviations: {'; '.join(told)}"]
 
 
 _VOTERS = ("allan", "psd", "gmwm", "gmwm-robust", "ml")
+
+
+def _misfit(results: Results) -> list[str]:
+    """Where no sum of processes fits, every method strikes its own balance."""
+    missed = {}
+    for method, result in results.items():
+        fit = result.fit if isinstance(result, MethodIdentification) else result
+        if isinstance(fit, Identification) and fit.diagnostics.discrepancy > _NOTABLE_MISFIT:
+            missed[method] = fit.diagnostics.discrepancy
+    if not missed:
+        return []
+    sizes = ", ".join(f"{method} by {100.0 * size:.0f} %" for method, size in missed.items())
+    return [
+        f"no sum of these processes fits this signal (in deviation {sizes}): every method strikes "
+        "its own balance, so that differences say more about the model than about the methods"
+    ]
 
 
 def _crossing(name: str, curve: AllanCurve, results: Results) -> list[str]:
@@ -265,6 +286,17 @@ def _fos(results: Results) -> list[str]:
     return [
         f"FOS chose {len(fit.terms)} of {fit.candidates} terms; on the third of the record that "
         f"it had not seen they explain {share} of the variance"
+    ]
+
+
+def _left_out(rate: float, residuals: Mapping[str, ResidualDiagnostics]) -> list[str]:
+    slow = {m: d.block for m, d in residuals.items() if d.block > 1}
+    if not slow:
+        return []
+    return [
+        f"neighbouring samples are correlated by the sensor itself (a low-pass filter) or hold "
+        f"vibration: {', '.join(slow)} describe times above {max(slow.values()) / rate:.2g} s, and "
+        f"their one-step errors are those of means over such times"
     ]
 
 

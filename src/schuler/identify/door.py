@@ -56,7 +56,6 @@ STRUCTURAL = ("allan", "slope", "psd", "autocorrelation", "gmwm", "gmwm-robust",
 """Methods whose answer is a sum of processes: their parameters mean the same."""
 
 _SHORTEST_RECORD = 100
-_Worker = Callable[[FloatArray, float, Any, Order], MethodIdentification]
 
 
 @overload
@@ -67,6 +66,7 @@ def identify(
     method: Literal["allan"] = ...,
     *,
     order: Order = ...,
+    shortest: float | None = ...,
 ) -> Identification: ...
 @overload
 def identify(
@@ -76,6 +76,7 @@ def identify(
     *,
     method: str,
     order: Order = ...,
+    shortest: float | None = ...,
 ) -> Identification | MethodIdentification: ...
 @overload
 def identify(
@@ -85,6 +86,7 @@ def identify(
     method: str,
     *,
     order: Order = ...,
+    shortest: float | None = ...,
 ) -> Identification | MethodIdentification: ...
 def identify(
     signal: ArrayLike,
@@ -93,6 +95,7 @@ def identify(
     method: str = "allan",
     *,
     order: Order = None,
+    shortest: float | None = None,
 ) -> Identification | MethodIdentification:
     """Find the processes that a signal is made of, with standard errors, by the method named.
 
@@ -113,6 +116,10 @@ def identify(
     order : int or (int, int), optional
         Fixes the order: p for AR; (p, q) for ARMA; squares and variances for GARCH; longest lag
         and degree for FOS. Without it orders are chosen by BIC (FOS: lags up to 10, degree 1).
+    shortest : float, optional
+        "psd" and "ml" leave faster times (s) than this out of the fit, where a sensor's own
+        low-pass filter correlates neighbouring samples; the methods of the Allan and wavelet
+        variance find out by themselves.
 
     Returns
     -------
@@ -144,19 +151,25 @@ def identify(
         raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
     if not isinstance(model, Process) and model not in ("auto", "classical"):
         raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
+    if shortest is not None and not 0.0 < shortest < math.inf:
+        raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
     values = checked_signal(signal, _SHORTEST_RECORD)
     if method == "allan":
         return identify_allan(values, rate, model)
-    return _WORKERS[method](values, float(rate), model, order)
+    if method in STRUCTURAL:
+        return _STRUCTURE[method](values, float(rate), model, shortest)
+    return _SERIES[method](values, float(rate), model, order)
 
 
-_WORKERS: dict[str, _Worker] = {
+_STRUCTURE: dict[str, Callable[[FloatArray, float, Any, float | None], MethodIdentification]] = {
     "slope": structure_methods.by_slopes,
     "psd": structure_methods.by_spectrum,
     "autocorrelation": structure_methods.by_autocorrelation,
     "gmwm": structure_methods.by_wavelet_moments,
     "gmwm-robust": structure_methods.by_robust_wavelet_moments,
     "ml": structure_methods.by_likelihood,
+}
+_SERIES: dict[str, Callable[[FloatArray, float, Any, Order], MethodIdentification]] = {
     "ar": series_methods.by_burg,
     "ar-covariance": series_methods.by_covariance,
     "ar-yule-walker": series_methods.by_yule_walker,

@@ -51,6 +51,8 @@ class ResidualDiagnostics:
         Fourth moment over the squared second; 3 for Gaussian noise.
     tests : ResidualTests or None
         Ljung-Box plain and robust, squares, ARCH-LM, Jarque-Bera; None if they cannot be made.
+    block : int
+        Means of so many samples were predicted, because the model leaves out what is faster.
     """
 
     samples: int
@@ -63,6 +65,7 @@ class ResidualDiagnostics:
     normal_quantiles: FloatArray
     kurtosis: float
     tests: ResidualTests | None
+    block: int = 1
 
     @property
     def white(self) -> bool:
@@ -109,6 +112,7 @@ class ResidualDiagnostics:
         """Return plain Python for JSON, SI."""
         return {
             "samples": self.samples,
+            "block": self.block,
             "variance": self.variance,
             "expected_variance": self.expected_variance,
             "correlation": self.correlation.tolist(),
@@ -128,6 +132,7 @@ def diagnose_residuals(
     fitted_parameters: int = 0,
     expected_variance: float | None = None,
     variance: float | None = None,
+    block: int = 1,
 ) -> ResidualDiagnostics | None:
     """Look at the one-step prediction errors of a model.
 
@@ -141,6 +146,8 @@ def diagnose_residuals(
         What the model says.
     variance : float, optional
         Mean square in the unit of the signal, where the residuals are standardised.
+    block : int
+        Samples in a mean, where means were predicted.
 
     Returns
     -------
@@ -178,6 +185,7 @@ def diagnose_residuals(
         normal_quantiles=np.asarray(ndtri(share)),
         kurtosis=float(squares @ squares) / unit.size / second**2,
         tests=residual_tests(values, fitted_parameters=fitted_parameters),
+        block=block,
     )
 
 

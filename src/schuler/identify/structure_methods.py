@@ -35,7 +35,7 @@ _SHARED_FLAGS = {
 
 
 def process_diagnostics(
-    values: FloatArray, process: Process, rate: float
+    values: FloatArray, process: Process, rate: float, block: int = 1
 ) -> ResidualDiagnostics | None:
     """Look at what the Kalman predictor of a process leaves of a signal.
 
@@ -47,18 +47,24 @@ def process_diagnostics(
         In u.
     rate : float
         Samples a second.
+    block : int
+        Means of so many samples are predicted, where the fit left out what is faster.
 
     Returns
     -------
     ResidualDiagnostics or None
         None where the process has no state space, or too few samples are left.
     """
+    if block > 1:
+        whole = values.size // block * block
+        values = (values[:whole] - values[0]).reshape(-1, block).mean(axis=1)
+        rate = rate / block
     try:
         residuals = process_residuals(values, process, rate)
     except SchulerError:
         return None
     return diagnose_residuals(
-        residuals, expected_variance=_innovation_variance(process, 1.0 / rate)
+        residuals, expected_variance=_innovation_variance(process, 1.0 / rate), block=block
     )
 
 
@@ -82,6 +88,7 @@ def _answer(
     converged: bool = True,
     flags: tuple[str, ...] = (),
     limits: dict[str, float] | None = None,
+    block: int = 1,
 ) -> MethodIdentification:
     words = [_SHARED_FLAGS.get(flag, flag) for flag in flags]
     outlier = outlier_flag(values - values.mean())
@@ -94,7 +101,7 @@ def _answer(
         parameters=parameters,
         standard_errors=errors,
         limits=dict(limits or {}),
-        diagnostics=process_diagnostics(values, process, rate),
+        diagnostics=process_diagnostics(values, process, rate, block),
         converged=converged,
         flags=tuple(words),
         fit=fit,
@@ -102,7 +109,7 @@ def _answer(
 
 
 def by_slopes(
-    values: FloatArray, rate: float, model: Model, order: object = None
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Read N, B and K off straight runs of the Allan deviation (`slope_method`)."""
     _only_auto(model, "slope")
@@ -157,12 +164,14 @@ def _only_auto(model: Model, method: str) -> None:
 
 
 def by_spectrum(
-    values: FloatArray, rate: float, model: Model, order: object = None
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the power spectral density (`identify_spectrum`)."""
     from schuler.identify.spectrum_fit import identify_spectrum
 
-    fit = identify_spectrum(values, rate, model)
+    block = 1 if shortest is None else max(round(shortest * rate), 1)
+    highest = 0.5 * rate / block
+    fit = identify_spectrum(values, rate, model, band=None if block == 1 else (0.0, highest))
     return _answer(
         "psd",
         values,
@@ -173,11 +182,12 @@ def by_spectrum(
         fit,
         converged=fit.converged,
         flags=fit.flags,
+        block=block,
     )
 
 
 def by_autocorrelation(
-    values: FloatArray, rate: float, model: Model, order: object = None
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit white and one Gauss-Markov noise to the autocorrelation (`fit_gauss_markov`)."""
     from schuler.characterize.autocorrelation import autocorrelation
@@ -210,7 +220,7 @@ def by_autocorrelation(
 
 
 def by_wavelet_moments(
-    values: FloatArray, rate: float, model: Model, order: object = None
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the wavelet variance (`fit_gmwm`)."""
     from schuler.identify.gmwm import fit_gmwm
@@ -219,7 +229,7 @@ def by_wavelet_moments(
 
 
 def by_robust_wavelet_moments(
-    values: FloatArray, rate: float, model: Model, order: object = None
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the robust wavelet variance (`fit_gmwm`)."""
     from schuler.identify.gmwm import fit_gmwm
@@ -228,17 +238,18 @@ def by_robust_wavelet_moments(
 
 
 def by_likelihood(
-    values: FloatArray, rate: float, model: Model, order: object = None
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Maximise the likelihood (`fit_maximum_likelihood`)."""
     from schuler.identify.maximum_likelihood import fit_maximum_likelihood
 
-    fit = fit_maximum_likelihood(values, rate, model)
-    return _of_identification("ml", values, rate, fit)
+    block = 1 if shortest is None else max(round(shortest * rate), 1)
+    fit = fit_maximum_likelihood(values, rate, model, block)
+    return _of_identification("ml", values, rate, fit, block)
 
 
 def _of_identification(
-    method: str, values: FloatArray, rate: float, fit: Identification
+    method: str, values: FloatArray, rate: float, fit: Identification, block: int | None = None
 ) -> MethodIdentification:
     flags: tuple[str, ...] = getattr(fit, "flags", ())
     return _answer(
@@ -252,4 +263,23 @@ def _of_identification(
         converged=fit.diagnostics.converged,
         flags=flags,
         limits=fit.limits,
+        block=fastest_block(fit, rate) if block is None else block,
     )
+
+
+def fastest_block(fit: Identification, rate: float) -> int:
+    """Return the samples in the shortest time that a fit describes.
+
+    Parameters
+    ----------
+    fit : Identification
+        Of an Allan or wavelet variance.
+    rate : float
+        Samples a second.
+
+    Returns
+    -------
+    int
+        1 unless the fastest times were left out.
+    """
+    return max(round(float(fit.diagnostics.tau[0]) * rate), 1)

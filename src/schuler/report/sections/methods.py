@@ -145,7 +145,12 @@ def _findings(channels: Channels) -> Findings:
     items = []
     for name, comparison in channels.items():
         for text in comparison.findings:
-            bad = "differ by" in text or "biased" in text or "outliers decide" in text
+            bad = (
+                "methods differ" in text
+                or "no sum of" in text
+                or "biased" in text
+                or "outliers decide" in text
+            )
             items.append(Finding("warning" if bad else "info", f"{_named(name)}{text}"))
     return Findings(tuple(items))
 

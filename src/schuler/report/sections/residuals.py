@@ -95,7 +95,7 @@ def _correlations(channels: Channels, drawn: dict[str, list[str]]) -> FigureGrid
                 f"Autocorrelation of the one-step errors of {', '.join(drawn[name])}.",
                 tuple(traces),
                 {
-                    "xaxis": axis("lag in samples", limits=(0.0, 41.0)),
+                    "xaxis": axis("lag in steps", limits=(0.0, 41.0)),
                     "yaxis": axis(
                         "autocorrelation",
                         limits=limits(*values, *(-v for v in values), margin=0.1),
@@ -152,13 +152,15 @@ def _tests(channels: Channels) -> Table:
     for name, c in channels.items():
         label = shown_name(name)
         for method, left in c.residuals.items():
-            rows.append((label, method, *_row(left)))
+            step = f"{number(left.block / c.rate, 2)} s" if left.block > 1 else "sample"
+            rows.append((label, method, step, *_row(left)))
             label = ""
     return Table(
         "Tests of the one-step errors: p-values, small where chance does not explain it",
         (
             "channel",
             "method",
+            "step",
             "Ljung-Box",
             "robust",
             "ARCH-LM",
@@ -167,8 +169,9 @@ def _tests(channels: Channels) -> Table:
             "in words",
         ),
         tuple(rows),
-        words=(0, 1, 7),
-        note="Ljung-Box: 20 lags beyond the fitted ones; robust: whatever the variance does; "
+        words=(0, 1, 2, 8),
+        note="Step: what is predicted, the next sample or the next mean, where fast times were "
+        "left out of the fit. Ljung-Box: 20 lags beyond the fitted ones; robust: whatever the variance does; "
         "ARCH-LM: 10 past squares; Jarque-Bera: skewness and kurtosis.",
     )
 
@@ -209,7 +212,9 @@ def _floor(channels: Channels) -> Table:
             continue
         unit, factor = unit_of(name)
         ratios = [
-            f"{c.residuals[m].variance / c.floor:.4f}" if m in c.residuals else MISSING
+            f"{c.residuals[m].variance / c.floor:.4f}"
+            if m in c.residuals and c.residuals[m].block == 1
+            else MISSING
             for m in methods
         ]
         root = f"{number(math.sqrt(c.floor) / factor, 4)} {unit}".strip()
