@@ -54,6 +54,8 @@ class Climb:
 
 def _step(gradient: FloatArray, information: FloatArray, damping: float) -> FloatArray:
     """Solve (information + damping diag) step = gradient in units of the diagonal."""
+    if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
+        return np.zeros(gradient.size)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     unit = information * np.outer(scale, scale)
     unit = unit + (damping + 1e-12) * np.eye(scale.size)
@@ -92,7 +94,7 @@ def climb(
         if exact:
             gradient = exact_gradient(signal, coefficients, p, information)
         full = _step(gradient, information, 0.0)
-        distance = float(gradient @ full)
+        distance = float(gradient @ full) if np.any(full != 0.0) else np.inf
         if (rough and distance < _ROUGH) or (exact and distance < CLOSE_ENOUGH):
             break
         if not exact and not rough and distance < _APPROXIMATE_LIMIT:

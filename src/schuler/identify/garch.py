@@ -15,7 +15,7 @@ from schuler.identify.conditional_variance import (
     garch_conditional_variance,
     simulate_garch,
 )
-from schuler.identify.garch_likelihood import GarchSolution, solve, solve_targeted
+from schuler.identify.garch_likelihood import NEAR, GarchSolution, solve, solve_targeted
 from schuler.identify.residual_tests import ResidualTests, residual_tests
 from schuler.identify.signals import checked_signal, outlier_flag, varies
 from schuler.processes import WhiteNoise
@@ -40,7 +40,7 @@ class GarchStart:
     log_likelihood : float
         At the end.
     converged : bool
-        The slope is zero there.
+        It ended within a hundredth of a standard error of a maximum. The best is then refined.
     """
 
     alpha: float
@@ -429,7 +429,7 @@ def _estimates(
                 s.alpha,
                 s.beta,
                 s.value - 0.5 * unit.size * math.log(2.0 * math.pi) - unit.size * math.log(scale),
-                s.distance < CONVERGED,
+                s.distance < NEAR,
             )
             for s in solution.starts
         ),

@@ -23,6 +23,8 @@ FloatArray = NDArray[np.float64]
 
 STARTS = ((0.05, 0.90), (0.02, 0.975), (0.01, 0.988), (0.1, 0.8), (0.2, 0.4))
 """Sums of the weights of past squares and of past variances from which the search starts."""
+NEAR = 1e-4
+"""Squared distance to a maximum, in standard errors, at which a start counts as arrived."""
 _NO_WEIGHT = 1e-9
 
 
@@ -179,11 +181,12 @@ def _starts(q: int) -> tuple[tuple[float, float], ...]:
 def _best(
     problem: Problem, begins: list[FloatArray], q: int
 ) -> tuple[Summit, tuple[StartEnd, ...]]:
-    summits = [climb(problem, start) for start in begins]
+    summits = [climb(problem, start, close=NEAR) for start in begins]
     ends = tuple(
         StartEnd(a, b, s.value, s.distance) for (a, b), s in zip(_starts(q), summits, strict=True)
     )
-    return max(summits, key=lambda s: s.value), ends
+    best = max(summits, key=lambda s: s.value)
+    return climb(problem, best.parameters), ends
 
 
 def _at_constant(

@@ -72,7 +72,9 @@ class Summit:
     distance: float
 
 
-def climb(problem: Problem, start: FloatArray, steps: int = 80) -> Summit:
+def climb(
+    problem: Problem, start: FloatArray, steps: int = 80, close: float = CLOSE_ENOUGH
+) -> Summit:
     """Follow damped scoring steps uphill within the bounds.
 
     Parameters
@@ -83,6 +85,8 @@ def climb(problem: Problem, start: FloatArray, steps: int = 80) -> Summit:
         Within the bounds.
     steps : int
         At most.
+    close : float
+        Squared distance to the maximum in standard errors at which to stop.
 
     Returns
     -------
@@ -94,7 +98,7 @@ def climb(problem: Problem, start: FloatArray, steps: int = 80) -> Summit:
     for _ in range(steps):
         free = ~((here <= problem.lower) & (gradient <= 0.0))
         distance = _distance(gradient, information, free)
-        if distance < CLOSE_ENOUGH:
+        if distance < close:
             break
         for damping in _DAMPINGS:
             tried = _moved(problem, here, _step(gradient, information, free, damping))
@@ -116,6 +120,8 @@ def _step(
     gradient: FloatArray, information: FloatArray, free: NDArray[np.bool_], damping: float
 ) -> FloatArray:
     inner = information[np.ix_(free, free)]
+    if not (np.isfinite(inner).all() and np.isfinite(gradient).all()):
+        return np.zeros(gradient.size)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
     unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
     step = np.zeros(gradient.size)
@@ -126,6 +132,8 @@ def _step(
 def _distance(gradient: FloatArray, information: FloatArray, free: NDArray[np.bool_]) -> float:
     if not free.any():
         return 0.0
+    if not (np.isfinite(gradient).all() and np.isfinite(information).all()):
+        return np.inf
     return float(gradient @ _step(gradient, information, free, 0.0))
 
 
@@ -202,9 +210,10 @@ def inverse(matrix: FloatArray) -> tuple[FloatArray, bool]:
     singular : bool
         True if one had to be.
     """
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     by = np.outer(scale, scale)
     values, vectors = np.linalg.eigh(matrix * by)
-    floor = 1e-10 * float(values[-1])
+    floor = 1e-10 * max(float(values[-1]), 1.0)
     singular = bool(values[0] < floor)
     return (vectors / np.maximum(values, floor)) @ vectors.T * by, singular

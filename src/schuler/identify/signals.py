@@ -10,6 +10,7 @@ from schuler.errors import EstimationError, InputError
 
 FloatArray = NDArray[np.float64]
 
+_LARGEST = 1e100
 _OUTLIER_SHARE = 0.05
 _OUTLIER_SIGMAS = 10.0
 
@@ -47,6 +48,13 @@ def checked_signal(signal: ArrayLike, fewest: int, *, varying: bool = True) -> F
             f"signal has {values.size} samples",
             expected=f"at least {fewest}",
             cure="record longer or choose a smaller order",
+        )
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest > _LARGEST or 0.0 < largest < 1.0 / _LARGEST:
+        raise InputError(
+            f"signal with values up to {largest:.3g}",
+            expected=f"between {1.0 / _LARGEST:g} and {_LARGEST:g}",
+            cure="check its unit",
         )
     if varying and not varies(values):
         raise EstimationError(
