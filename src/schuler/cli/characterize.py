@@ -30,6 +30,7 @@ def characterize(
     topic: str = "/imu0",
     repair: bool = False,
     strict: bool = False,
+    method: tuple[str, ...] = (),
     reading: Annotated[ImuReading | None, Parameter(name="*")] = None,
 ) -> int:
     """Find the noise model of an IMU from a log of it lying still.
@@ -56,6 +57,10 @@ def characterize(
         Repair what the screening finds (knocks, outliers, repeated rows) before fitting.
     strict : bool
         Exit with code 1 when the screening finds something to watch that was not repaired.
+    method : tuple of str
+        How to find the noise: allan (the usual one), slope, psd, autocorrelation, gmwm,
+        gmwm-robust, ml, ar, ar-covariance, ar-yule-walker, arma, fos, garch, or all. Given more
+        than once, the methods are compared; noise model and Kalibr file come from the first.
     reading : ImuReading, optional
         How to read the file.
     """
@@ -63,11 +68,13 @@ def characterize(
     from schuler.characterize.screening import screen
     from schuler.cli.console import Screen, say
     from schuler.cli.loading import load_imu, say_when_compiling, title_of
+    from schuler.cli.methods import MethodFiles, chosen_methods, compare_and_write
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.scale.progress import progress
 
     outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
+    methods = chosen_methods(method, needs_model=noise_out is not None or kalibr is not None)
     imu = load_imu(file, (reading or ImuReading()).options(repair=repair))
     say_when_compiling()
     with progress("Screening"):
@@ -75,6 +82,11 @@ def characterize(
         screening.require_usable()
         if repair:
             imu = repair_recording(imu, screening, close_up=True)
+    if methods:
+        return compare_and_write(
+            imu, screening, methods, MethodFiles(file, report, json, noise_out, kalibr, topic),
+            outputs, strict=strict and not repair,
+        )  # fmt: skip
     with progress("Fitting the noise of every channel"):
         from schuler.identify import characterize_imu
 

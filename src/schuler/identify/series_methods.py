@@ -27,7 +27,7 @@ Model = Any
 
 MOST_LAGS = 20
 FOS_LAGS = 10
-ARMA_ORDERS = 4
+ARMA_ORDERS = 3
 CHOOSING_SAMPLES = 60_000
 """Orders of long ARMA models are chosen on so many samples; the fit takes all."""
 

@@ -46,6 +46,44 @@ def estimator_sections(channels: Channels) -> tuple[Section, ...]:
     return tuple(sections)
 
 
+def predictor_rows(channels: Channels) -> tuple[tuple[str, ...], ...]:
+    """Return the models that predict samples in short, with what they leave.
+
+    Parameters
+    ----------
+    channels : dict of str to MethodComparison
+        By name.
+
+    Returns
+    -------
+    tuple of (str, str, str, str)
+        Channel (in its first row only), method, model, words; empty without such methods.
+    """
+    rows: list[tuple[str, ...]] = []
+    for name, c in channels.items():
+        label = shown_name(name)
+        for method, result in c.results.items():
+            words = _in_short(result.fit) if isinstance(result, MethodIdentification) else ""
+            if words:
+                left = c.residuals.get(method)
+                rows.append((label, method, words, left.verdict if left else MISSING))
+                label = ""
+    return tuple(rows)
+
+
+def _in_short(fit: object) -> str:
+    if isinstance(fit, ArFit):
+        return f"AR({fit.order})"
+    if isinstance(fit, ArmaFit):
+        return f"ARMA({fit.order[0]}, {fit.order[1]})"
+    if isinstance(fit, FosFit):
+        return f"{len(fit.terms)} of {fit.candidates} terms"
+    if isinstance(fit, ArGarchFit):
+        p, q = fit.garch.order
+        return f"AR({fit.ar.order})-GARCH({p}, {q}), persistence {fit.garch.persistence:.5g}"
+    return ""
+
+
 def _fits(channels: Channels, method: str) -> list[tuple[str, MethodIdentification]]:
     found = []
     for name, c in channels.items():

@@ -100,7 +100,7 @@ def _sections(channels: Channels, length: float) -> tuple[Section, ...]:
         )
     )
     blocks: list[Block] = [facts, _findings(channels), _allan(channels, methods)]
-    blocks += [_parameters(channels, methods), _words(methods), _failures(channels)]
+    blocks += [parameter_table(channels), _words(methods), _failures(channels)]
     theory = (_allan_ratio(channels, methods), _spectra(channels, methods))
     sections = [
         Section("Methods side by side", tuple(b for b in blocks if _filled(b)), _short(channels)),
@@ -155,6 +155,10 @@ def _findings(channels: Channels) -> Findings:
     return Findings(tuple(items))
 
 
+_WATCH = ("methods differ", "no sum of", "is biased", "outliers decide", "heavy tails")
+"""Words of findings that call for attention."""
+
+
 def _failures(channels: Channels) -> Table:
     rows = [
         (shown_name(name), method, text)
@@ -175,10 +179,21 @@ def _words(methods: list[str]) -> Table:
     return Table("What the methods are", ("method", "what it does"), rows, (0, 1), folded=True)
 
 
-def _parameters(channels: Channels, methods: list[str]) -> Table:
-    shown = [
-        m for m in methods if any(m in p.values for c in channels.values() for p in c.parameters)
-    ]
+def parameter_table(channels: Channels) -> Table:
+    """Return the parameters of all channels, a column for each method.
+
+    Parameters
+    ----------
+    channels : dict of str to MethodComparison
+        By name.
+
+    Returns
+    -------
+    Table
+        Channel, parameter, unit, methods, difference, agreement.
+    """
+    compared = [p for c in channels.values() for p in c.parameters]
+    shown = [m for m in METHODS if any(m in p.values for p in compared)]
     rows: list[tuple[str, ...]] = []
     for name, comparison in channels.items():
         label = shown_name(name)
@@ -198,6 +213,28 @@ def _parameters(channels: Channels, methods: list[str]) -> Table:
         "have no say). The methods share their data, so that differences are more significant "
         f"than this number says. Structure: {'; '.join(sorted(structures))}.",
     )
+
+
+def residual_words(channels: Channels) -> tuple[tuple[str, ...], ...]:
+    """Return what each method leaves of each channel, in words.
+
+    Parameters
+    ----------
+    channels : dict of str to MethodComparison
+        By name.
+
+    Returns
+    -------
+    tuple of (str, str, str)
+        Channel (in its first row only), method, words.
+    """
+    rows = []
+    for name, c in channels.items():
+        label = shown_name(name)
+        for method, left in c.residuals.items():
+            rows.append((label, method, left.verdict))
+            label = ""
+    return tuple(rows)
 
 
 def _cell(p: ParameterAgreement, method: str, factor: float) -> str:

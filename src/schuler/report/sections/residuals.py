@@ -171,7 +171,8 @@ def _tests(channels: Channels) -> Table:
         tuple(rows),
         words=(0, 1, 2, 8),
         note="Step: what is predicted, the next sample or the next mean, where fast times were "
-        "left out of the fit. Ljung-Box: 20 lags beyond the fitted ones; robust: whatever the variance does; "
+        "left out of the fit. Ljung-Box: 20 lags beyond the fitted ones; robust: whatever the "
+        "variance does; "
         "ARCH-LM: 10 past squares; Jarque-Bera: skewness and kurtosis.",
     )
 
