@@ -232,6 +232,7 @@ def test_constant_signal_has_no_deviation(kind: Kind) -> None:
         (np.arange(9.0), 1.0, [4.0], "hadamard", "no cluster time"),
         (np.arange(9.0), 1.0, None, "theo", "theo"),
         (np.zeros((2, 2, 9)), 1.0, None, "total", "shape"),
+        (np.append(np.zeros(9), -1e200), 1.0, None, "total", "1e120"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(

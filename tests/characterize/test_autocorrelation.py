@@ -203,6 +203,7 @@ def test_constant_signal_is_flagged(value: float) -> None:
         (np.arange(4.0), 1.0, -1.0, "lag"),
         (np.arange(4.0), 1.0, np.nan, "lag"),
         (np.array(["a", "b"]), 1.0, None, "numbers"),
+        (np.array([1.0, 1e200]), 1.0, None, "1e120"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(signal: Any, rate: float, lag: Any, words: str) -> None:

@@ -286,7 +286,8 @@ def test_results_are_json() -> None:
 @pytest.mark.parametrize(
     ("signal", "how", "words"),
     [
-        (np.zeros(0), {}, "levels"),
+        (np.zeros(0), {}, "0 samples"),
+        (np.append(np.zeros(100), 1e200), {}, "1e120"),
         (np.arange(7.0), {}, "longer signal"),
         (np.arange(100.0), {"level": 4}, "from 1 to 3"),
         (np.arange(100.0), {"level": 0}, "0 levels"),

@@ -16,6 +16,7 @@ from schuler.characterize.allan_family_confidence import (
     variance_bias,
 )
 from schuler.characterize.confidence import chi_square_bounds, local_slope
+from schuler.characterize.finite_signal import checked_rate, finite_samples
 from schuler.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -87,10 +88,11 @@ def family_deviation(
         raise InputError(
             f"Allan deviation of kind '{kind}'", expected=", ".join(("overlapping", *KINDS))
         )
-    data = _checked(signal, rate)
+    data = finite_samples(signal, shortest=4, columns=True)
+    rate = checked_rate(rate)
     columns = data.reshape(len(data), -1)
     samples = len(data)
-    factors = _wanted_factors(taus, samples, float(rate), kind)
+    factors = _wanted_factors(taus, samples, rate, kind)
     tau = factors / rate
     variance = np.column_stack(
         [_column(columns[:, j], factors, kind) for j in range(len(columns[0]))]
@@ -108,31 +110,10 @@ def family_deviation(
         lower=(unbiased * down).reshape(shape),
         upper=(unbiased * up).reshape(shape),
         degrees_of_freedom=freedom.reshape(shape),
-        rate=float(rate),
+        rate=rate,
         samples=samples,
         kind=kind,
     )
-
-
-def _checked(signal: ArrayLike, rate: float) -> FloatArray:
-    data = np.asarray(signal)
-    if data.ndim not in (1, 2) or data.dtype.kind not in "fiu" or data.size == 0:
-        raise InputError(
-            f"signal has shape {data.shape} and type {data.dtype}",
-            expected="numbers (n,) or (n, m)",
-        )
-    if len(data) < 4:
-        raise InputError(f"signal has {len(data)} samples", expected="at least 4")
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
-    bad = np.argwhere(~np.isfinite(data))
-    if bad.size:
-        raise InputError(
-            f"signal holds {len(bad)} samples that are not finite, the first at row {bad[0][0]}",
-            expected="finite numbers",
-            cure="remove or repair these rows first",
-        )
-    return np.asarray(data, dtype=np.float64)
 
 
 def _wanted_factors(

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.characterize.finite_signal import checked_rate, finite_samples
 from schuler.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -138,7 +139,9 @@ def autocorrelation(
     sum x², the standard deviation of the correlation of an uncorrelated series of any variance
     (compare S000, figures 9 to 11).
     """
-    values = _checked(signal, rate, kind)
+    if kind not in ("biased", "unbiased"):
+        raise InputError(f"autocorrelation of kind '{kind}'", expected="'biased' or 'unbiased'")
+    values, rate = finite_samples(signal, shortest=2), checked_rate(rate)
     n = values.size
     lags = _lags(max_lag, n, rate)
     lag = lags / rate
@@ -147,10 +150,8 @@ def autocorrelation(
     if values.min() == values.max() or scale == 0.0:
         nothing = np.full(lags.size, np.nan)
         zero = np.zeros(lags.size)
-        return AutocorrelationCurve(
-            lag, zero, nothing, band, nothing, float(rate), n, kind, ("constant",)
-        )
-    # squares of squares of 1e-100 or 1e100 would leave the range of numbers
+        return AutocorrelationCurve(lag, zero, nothing, band, nothing, rate, n, kind, ("constant",))
+    # squares of squares of 1e-100 would leave the range of numbers
     centred = values / scale
     centred -= centred.mean()
     size = float(np.abs(centred).max())
@@ -166,33 +167,10 @@ def autocorrelation(
         correlation=correlation,
         band=band * (n / divisor),
         robust_band=_BAND_95 * spread * (n / divisor),
-        rate=float(rate),
+        rate=rate,
         samples=n,
         kind=kind,
     )
-
-
-def _checked(signal: ArrayLike, rate: float, kind: str) -> FloatArray:
-    values = np.asarray(signal)
-    if values.ndim != 1 or values.dtype.kind not in "fiu":
-        raise InputError(
-            f"signal has shape {values.shape} and type {values.dtype}",
-            expected="numbers (n,), one channel at a time",
-        )
-    if values.size < 2:
-        raise InputError(f"signal has {values.size} samples", expected="at least 2")
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
-    if kind not in ("biased", "unbiased"):
-        raise InputError(f"autocorrelation of kind '{kind}'", expected="'biased' or 'unbiased'")
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise InputError(
-            f"signal holds {bad.size} samples that are not finite, the first at row {bad[0]}",
-            expected="finite numbers",
-            cure="remove or repair these rows first",
-        )
-    return np.asarray(values, dtype=np.float64)
 
 
 def _lags(max_lag: float | None, n: int, rate: float) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.characterize.confidence import chi_square_bounds
+from schuler.characterize.finite_signal import checked_rate, finite_samples
 from schuler.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -137,7 +138,8 @@ def power_spectral_density(
     """
     from scipy.signal import welch
 
-    values = _checked(signal, rate)
+    values = finite_samples(signal, shortest=2 * _SHORTEST_SEGMENT)
+    rate = checked_rate(rate)
     length = _segment(segment, values.size)
     shift = float(values.mean())
     scale = float(np.abs(values - shift).max())
@@ -179,35 +181,12 @@ def power_spectral_density(
         first=first.astype(np.int64),
         count=count,
         onesided=onesided,
-        rate=float(rate),
+        rate=rate,
         samples=values.size,
         segment=length,
         segments=segments,
         flags=("constant",) if constant else _trend(unit),
     )
-
-
-def _checked(signal: ArrayLike, rate: float) -> FloatArray:
-    values = np.asarray(signal)
-    if values.ndim != 1 or values.dtype.kind not in "fiu":
-        raise InputError(
-            f"signal has shape {values.shape} and type {values.dtype}",
-            expected="numbers (n,), one channel at a time",
-        )
-    if values.size < 2 * _SHORTEST_SEGMENT:
-        raise InputError(
-            f"signal has {values.size} samples", expected=f"at least {2 * _SHORTEST_SEGMENT}"
-        )
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise InputError(
-            f"signal holds {bad.size} samples that are not finite, the first at row {bad[0]}",
-            expected="finite numbers",
-            cure="remove or repair these rows first",
-        )
-    return np.asarray(values, dtype=np.float64)
 
 
 def _segment(wanted: int | None, samples: int) -> int:

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.characterize.finite_signal import checked_rate, finite_samples
 from schuler.denoise.thresholds import noise_scale, stein_threshold, universal_threshold
 from schuler.errors import InputError
 
@@ -122,8 +123,7 @@ def level_for_band(band: float, rate: float) -> int:
     InputError
         Not 0 < band <= rate/4.
     """
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
+    rate = checked_rate(rate)
     if not (np.isfinite(band) and 0.0 < band <= 0.25 * rate):
         raise InputError(f"band is {band:g} Hz", expected=f"above 0, at most {0.25 * rate:g} Hz")
     return math.floor(math.log2(rate / band) - 1.0 + 1e-9)
@@ -184,7 +184,8 @@ def denoise(
     """
     import pywt
 
-    values = _checked(signal)
+    values = finite_samples(signal, shortest=2)
+    rate = None if rate is None else checked_rate(rate)
     _check_options(threshold, mode, scale, details)
     try:
         basis = pywt.Wavelet(wavelet)
@@ -194,7 +195,7 @@ def denoise(
         ) from None
     levels = _levels(level, band, rate, pywt.dwt_max_level(values.size, basis.dec_len))
     # a constant changes no detail; without it no digits are lost
-    offset = float(values[0]) if values.size else 0.0
+    offset = float(values[0])
     coefficients = pywt.wavedec(values - offset, basis, mode="symmetric", level=levels)
     finest_first = coefficients[:0:-1]
     scales = _scales(finest_first, scale)
@@ -210,7 +211,7 @@ def denoise(
     if scale == "one" and judged and not kept.any() and not flags:
         flags = ("unit noise",)
     restored = pywt.waverec(coefficients, basis, mode="symmetric")[: values.size] + offset
-    highest = (1.0 if rate is None else float(rate)) / 2.0 ** (levels + 1)
+    highest = (1.0 if rate is None else rate) / 2.0 ** (levels + 1)
     return Denoised(
         signal=np.asarray(restored, dtype=np.float64),
         level=levels,
@@ -224,26 +225,9 @@ def denoise(
         scale=scale,
         details=details,
         reach=int((basis.dec_len - 1) * (2**levels - 1)),
-        rate=None if rate is None else float(rate),
+        rate=rate,
         flags=flags,
     )
-
-
-def _checked(signal: ArrayLike) -> FloatArray:
-    values = np.asarray(signal)
-    if values.ndim != 1 or values.dtype.kind not in "fiu":
-        raise InputError(
-            f"signal has shape {values.shape} and type {values.dtype}",
-            expected="numbers (n,), one channel at a time",
-        )
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise InputError(
-            f"signal holds {bad.size} samples that are not finite, the first at row {bad[0]}",
-            expected="finite numbers",
-            cure="remove or repair these rows first",
-        )
-    return np.asarray(values, dtype=np.float64)
 
 
 def _check_options(threshold: str, mode: str, scale: str, details: str) -> None:
