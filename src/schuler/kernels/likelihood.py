@@ -73,56 +73,65 @@ def start_at_first(
         covariance[i, level] -= shared[i]
 
 
-@kernel()
+@kernel(inline=True)
 def covariance_step(
+    f: int,
     phi: FloatArray,
     load: FloatArray,
     drive: FloatArray,
     shared: FloatArray,
-    noise: float,
+    noise: FloatArray,
     covariance: FloatArray,
     gain: FloatArray,
     work: FloatArray,
+    tolerance: float,
 ) -> tuple[float, float]:
-    """Write the gain and the covariance one step on; return innovation variance and change.
+    """Write gain and covariance of filter f one step on; return innovation variance and change.
 
     Parameters
     ----------
-    phi, load, drive, shared : (d,) ndarray
+    f : int
+        Which filter. (Rows are indexed, not sliced: this is the hot loop.)
+    phi, load, drive, shared : (filters, d) ndarray
         As above.
-    noise : float
+    noise : (filters,) ndarray
         r.
-    covariance : (d, d) ndarray
-        Predicted, replaced by the next prediction.
-    gain : (d,) ndarray
-        Filled in place: what an innovation adds to the next prediction.
+    covariance : (filters, d, d) ndarray
+        Predicted, its lower triangle replaced by the next prediction.
+    gain : (filters, d) ndarray
+        Row f filled in place: what an innovation adds to the next prediction.
     work : (d,) ndarray
         Scratch.
+    tolerance : float
+        Relative change of a variance that counts as none.
 
     Returns
     -------
     tuple of float
-        Innovation variance, and the largest change of the covariance relative to its diagonal.
+        Innovation variance, and the largest change beyond the tolerance; zero when steady.
     """
-    d = phi.size
-    variance = noise
+    d = phi.shape[1]
+    variance = noise[f]
     for i in range(d):
         total = 0.0
-        for j in range(d):
-            total += covariance[i, j] * load[j]
+        for j in range(i + 1):
+            total += covariance[f, i, j] * load[f, j]
+        for j in range(i + 1, d):
+            total += covariance[f, j, i] * load[f, j]
         work[i] = total
-        variance += load[i] * total
+        variance += load[f, i] * total
+    inverse = 1.0 / variance
     change = 0.0
     for i in range(d):
-        gain[i] = (phi[i] * work[i] + shared[i]) / variance
+        gain[f, i] = (phi[f, i] * work[i] + shared[f, i]) * inverse
     for i in range(d):
-        for j in range(i + 1):
-            new = phi[i] * phi[j] * covariance[i, j] - gain[i] * gain[j] * variance
-            if i == j:
-                new += drive[i]
-                change = max(change, abs(new - covariance[i, i]) / abs(new) if new != 0.0 else 0.0)
-            covariance[i, j] = new
-            covariance[j, i] = new
+        scaled = gain[f, i] * variance
+        for j in range(i):
+            covariance[f, i, j] = phi[f, i] * phi[f, j] * covariance[f, i, j] - scaled * gain[f, j]
+        before = covariance[f, i, i]
+        after = phi[f, i] * phi[f, i] * before - scaled * gain[f, i] + drive[f, i]
+        covariance[f, i, i] = after
+        change = max(change, abs(after - before) - tolerance * abs(after))
     return variance, change
 
 
@@ -249,9 +258,9 @@ def likelihood_pass(
         steady = True
         for i in range(filters):
             variance[i], change = covariance_step(
-                phi[i], load[i], drive[i], shared[i], noise[i], covariance[i], gain[i], work
+                i, phi, load, drive, shared, noise, covariance, gain, work, tolerance
             )
-            steady = steady and change < tolerance
+            steady = steady and change <= 0.0
             error = values[k]
             for j in range(d):
                 error -= load[i, j] * state[i, j]
