@@ -154,14 +154,26 @@ def ljung_box_test(
         raise InputError(
             f"{lags} lags for {fitted_parameters} fitted parameters", expected="more lags"
         )
-    n = values.size
-    centred = values - values.mean()
-    products = _lagged_products(centred, lags)
-    correlations = products[1:] / products[0]
-    weights = n * (n + 2.0) / (n - np.arange(1, lags + 1))
+    products = _lagged_products(values - values.mean(), lags)
     if robust:
-        weights = weights / _robust_variances(values, lags)
-    name = "Ljung-Box, robust" if robust else "Ljung-Box"
+        variances = _robust_variances(values, lags)
+        return _box("Ljung-Box, robust", products, values.size, fitted_parameters, variances)
+    return _box("Ljung-Box", products, values.size, fitted_parameters)
+
+
+def _box(
+    name: str,
+    products: FloatArray,
+    n: int,
+    fitted_parameters: int,
+    variances: FloatArray | None = None,
+) -> HypothesisTest:
+    """Weigh the squared autocorrelations up to the last lag; plain ones have variance 1/n."""
+    lags = products.size - 1
+    weights = n * (n + 2.0) / (n - np.arange(1, lags + 1))
+    if variances is not None:
+        weights = weights / variances
+    correlations = products[1:] / products[0]
     return _chi_square(name, float(np.sum(weights * correlations**2)), lags - fitted_parameters)
 
 
@@ -194,12 +206,18 @@ def arch_lm_test(residuals: ArrayLike, lags: int = 10) -> HypothesisTest:
     """
     squares = _varying(residuals, lags) ** 2
     squares = squares - squares.mean()
-    n = squares.size
-    gram = np.empty((lags + 1, lags + 1))
-    # the products of neighbouring lags differ by their first and last terms only
+    return _arch_lm(squares, _lagged_products(squares, lags))
+
+
+def _arch_lm(squares: FloatArray, products: FloatArray) -> HypothesisTest:
+    """Regress centred squares on their past, all from products at lags 0 .. m."""
+    n, lags = squares.size, products.size - 1
     count = n - lags
-    gram[0] = [float(np.dot(squares[lags:], squares[lags - k : n - k])) for k in range(lags + 1)]
+    gram = np.empty((lags + 1, lags + 1))
+    # the first row misses the products of the first samples
+    gram[0] = [products[k] - float(squares[k:lags] @ squares[: lags - k]) for k in range(lags + 1)]
     gram[:, 0] = gram[0]
+    # the products of neighbouring lags differ by their first and last terms only
     for i in range(1, lags + 1):
         for j in range(i, lags + 1):
             first = squares[lags - i] * squares[lags - j]
@@ -286,16 +304,27 @@ def residual_tests(residuals: ArrayLike, *, fitted_parameters: int = 0) -> Resid
     ResidualTests or None
         None where there are too few residuals or their squares do not vary.
     """
-    values = np.asarray(residuals, dtype=np.float64)
     lags = 20 + fitted_parameters
     try:
+        values = _varying(residuals, lags)
+        squares = values**2
+        # the products of the squares serve three tests, those of the values two
+        products = _lagged_products(values - values.mean(), lags)
+        centred = squares - squares.mean()
+        if not float(centred @ centred) > 1e-20 * squares.size:
+            return None
+        square_products = _lagged_products(centred, lags)
         return ResidualTests(
-            ljung_box=ljung_box_test(values, lags, fitted_parameters=fitted_parameters),
-            ljung_box_robust=ljung_box_test(
-                values, lags, robust=True, fitted_parameters=fitted_parameters
+            ljung_box=_box("Ljung-Box", products, values.size, fitted_parameters),
+            ljung_box_robust=_box(
+                "Ljung-Box, robust",
+                products,
+                values.size,
+                fitted_parameters,
+                _robust_variances(values, lags),
             ),
-            ljung_box_squares=ljung_box_test(values**2, 20),
-            arch_lm=arch_lm_test(values, 10),
+            ljung_box_squares=_box("Ljung-Box", square_products[:21], values.size, 0),
+            arch_lm=_arch_lm(centred, square_products[:11]),
             jarque_bera=jarque_bera_test(values),
         )
     except EstimationError:
