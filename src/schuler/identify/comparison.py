@@ -175,8 +175,12 @@ class ImuMethodComparison:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Findings of all channels, each with the name of its channel in front."""
-        return tuple(f"{name}: {text}" for name, c in self.channels.items() for text in c.findings)
+        """Findings of all channels, each with the names of its channels in front."""
+        grouped: dict[str, list[str]] = {}
+        for name, comparison in self.channels.items():
+            for text in comparison.findings:
+                grouped.setdefault(text, []).append(name)
+        return tuple(f"{', '.join(names)}: {text}" for text, names in grouped.items())
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON, SI."""

@@ -121,7 +121,7 @@ def findings_of(
         *_robust(name, results),
     ]
     lines += [*_yule_walker(results), *_garch(results), *_arma(name, results), *_fos(results)]
-    lines += [*_left_out(curve.rate, residuals), *_whiteness(residuals)]
+    lines += [*_left_out(residuals), *_whiteness(residuals)]
     lines += [f"{method}: {text}" for method, text in failures.items()]
     return tuple(lines)
 
@@ -163,8 +163,8 @@ def _misfit(results: Results) -> list[str]:
         return []
     sizes = ", ".join(f"{method} by {100.0 * size:.0f} %" for method, size in missed.items())
     return [
-        f"no sum of these processes fits this signal (in deviation {sizes}): every method strikes "
-        "its own balance, so that differences say more about the model than about the methods"
+        f"no sum of these processes fits (in deviation {sizes}): every method strikes its own "
+        "balance"
     ]
 
 
@@ -289,14 +289,12 @@ def _fos(results: Results) -> list[str]:
     ]
 
 
-def _left_out(rate: float, residuals: Mapping[str, ResidualDiagnostics]) -> list[str]:
-    slow = {m: d.block for m, d in residuals.items() if d.block > 1}
-    if not slow:
+def _left_out(residuals: Mapping[str, ResidualDiagnostics]) -> list[str]:
+    if all(d.block == 1 for d in residuals.values()):
         return []
     return [
-        f"neighbouring samples are correlated by the sensor itself (a low-pass filter) or hold "
-        f"vibration: {', '.join(slow)} describe times above {max(slow.values()) / rate:.2g} s, and "
-        f"their one-step errors are those of means over such times"
+        "the sensor's own low-pass filter (or vibration) correlates neighbouring samples: the fits "
+        "leave fast times out, and their one-step errors are those of means over such times"
     ]
 
 

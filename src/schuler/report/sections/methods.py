@@ -99,8 +99,8 @@ def _sections(channels: Channels, length: float) -> tuple[Section, ...]:
             ("Methods agree on all they share", agree),
         )
     )
-    blocks: list[Block] = [facts, _findings(channels), _allan(channels, methods)]
-    blocks += [parameter_table(channels), _words(methods), _failures(channels)]
+    blocks: list[Block] = [facts, _allan(channels, methods), parameter_table(channels)]
+    blocks += [_findings(channels), _words(methods), _failures(channels)]
     theory = (_allan_ratio(channels, methods), _spectra(channels, methods))
     sections = [
         Section("Methods side by side", tuple(b for b in blocks if _filled(b)), _short(channels)),
@@ -142,17 +142,22 @@ def _named(name: str) -> str:
 
 
 def _findings(channels: Channels) -> Findings:
-    items = []
+    grouped: dict[str, list[str]] = {}
     for name, comparison in channels.items():
         for text in comparison.findings:
-            bad = (
-                "methods differ" in text
-                or "no sum of" in text
-                or "biased" in text
-                or "outliers decide" in text
-            )
-            items.append(Finding("warning" if bad else "info", f"{_named(name)}{text}"))
+            grouped.setdefault(text, []).append(_lower(shown_name(name)) if name else "")
+    items = []
+    for text, names in grouped.items():
+        where = ", ".join(filter(None, names))
+        every = len(names) == len(channels) > 1
+        bad = any(words in text for words in _WATCH)
+        label = "All channels" if every else where[:1].upper() + where[1:]
+        items.append(Finding("warning" if bad else "info", f"{label}: {text}" if label else text))
     return Findings(tuple(items))
+
+
+def _lower(title: str) -> str:
+    return title[:1].lower() + title[1:]
 
 
 _WATCH = ("methods differ", "no sum of", "is biased", "outliers decide", "heavy tails")
