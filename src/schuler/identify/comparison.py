@@ -329,7 +329,7 @@ def _described(
         floor=floor,
         volatility=_volatility(values, rate, results),
         structure=structure if any(m in STRUCTURAL for m in results) else "",
-        findings=findings_of(name, allan, results, parameters, residuals, failures),
+        findings=findings_of(name, allan, spectrum, results, parameters, residuals, failures),
     )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from schuler.characterize.allan import AllanCurve
+from schuler.characterize.spectrum import SpectrumCurve
 from schuler.errors import ModelError
 from schuler.identify.arma import ArmaFit
 from schuler.identify.comparison_parameters import ParameterAgreement
@@ -37,6 +38,9 @@ WORDS = {
 _CROSSING_SHARE = 0.5
 _OUTLIERS = 1.1
 _NOTABLE_MISFIT = 0.01
+_NEIGHBOURS = 6
+_LINE = 1.5
+_SURE = 20.0
 _PROCESS_METHODS = ("ml", "gmwm", "allan", "psd")
 
 
@@ -87,6 +91,7 @@ def spoken(value: float, quantity: str, name: str) -> str:
 def findings_of(
     name: str,
     curve: AllanCurve,
+    spectrum: SpectrumCurve,
     results: Results,
     parameters: Sequence[ParameterAgreement],
     residuals: Mapping[str, ResidualDiagnostics],
@@ -99,6 +104,8 @@ def findings_of(
     name : str
         Of the signal.
     curve : AllanCurve
+        Measured.
+    spectrum : SpectrumCurve
         Measured.
     results : mapping of str to Identification or MethodIdentification
         By method.
@@ -165,6 +172,27 @@ def _misfit(results: Results) -> list[str]:
     return [
         f"no sum of these processes fits (in deviation {sizes}): every method strikes its own "
         "balance"
+    ]
+
+
+def _spectral_lines(spectrum: SpectrumCurve) -> list[str]:
+    """Points that stand far above their neighbours: vibration, which other curves smear out."""
+    density, lower = spectrum.density, spectrum.lower
+    if not (density > 0.0).all():
+        return []
+    found = []
+    for k in range(_NEIGHBOURS, density.size - _NEIGHBOURS):
+        before, after = density[k - _NEIGHBOURS : k], density[k + 1 : k + 1 + _NEIGHBOURS]
+        level = max(float(np.median(before)), float(np.median(after)))
+        if spectrum.degrees_of_freedom[k] > _SURE and lower[k] > _LINE * level:
+            found.append((math.sqrt(float(density[k]) / level), float(spectrum.frequency[k])))
+    found = sorted(found, reverse=True)[:3]
+    if not found:
+        return []
+    shown = ", ".join(f"{f:.3g} Hz ({ratio:.2g} times)" for ratio, f in found)
+    return [
+        f"lines stand above the spectrum around them at {shown}: vibration, which Allan and "
+        "wavelet variance spread over all times near its period and take for noise"
     ]
 
 

@@ -160,7 +160,7 @@ def _lower(title: str) -> str:
     return title[:1].lower() + title[1:]
 
 
-_WATCH = ("methods differ", "no sum of", "is biased", "outliers decide", "heavy tails")
+_WATCH = ("methods differ", "no sum of", "is biased", "outliers decide", "lines stand")
 """Words of findings that call for attention."""
 
 
