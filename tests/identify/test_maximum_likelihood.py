@@ -35,7 +35,7 @@ from schuler.processes import (
 ACCEL = WhiteNoise(7.5e-4) + GaussMarkov(1.376e-3, 7.0) + RandomWalk(1.157e-4)
 GYRO = WhiteNoise(6.1e-4) + GaussMarkov(1.98e-4, 60.0)
 TRUTH = {"accel": ACCEL, "gyro": GYRO}
-SEEDS = 24
+SEEDS, MORE = 20, 60
 Estimates = dict[str, list[Identification]]
 
 
@@ -135,13 +135,24 @@ def ensemble(name: str) -> Estimates:
         signal = process.simulate(40_000, 0.1, np.random.default_rng([8, seed]))
         results: dict[str, Identification] = {
             "likelihood": fit_maximum_likelihood(signal, 10.0, process),
-            "means": fit_maximum_likelihood(signal, 10.0, process, block=4),
             "moments": fit_gmwm(signal, 10.0, process),
             "allan": identify(signal, 10.0, process),
         }
         for method, result in results.items():
             found.setdefault(method, []).append(result)
     return found
+
+
+@lru_cache(maxsize=2)
+def of_means(name: str) -> list[Identification]:
+    """More records of 67 minutes, by the likelihood of means of four samples."""
+    process = TRUTH[name]
+    return [
+        fit_maximum_likelihood(
+            process.simulate(40_000, 0.1, np.random.default_rng([8, seed])), 10.0, process, block=4
+        )
+        for seed in range(MORE)
+    ]
 
 
 def logs_of(results: list[Identification], key: str, truth: float) -> np.ndarray:
@@ -153,7 +164,7 @@ def test_maximum_likelihood_is_efficient_and_all_methods_agree(name: str) -> Non
     for key, value in truth_of(TRUTH[name]).items():
         logs = {m: logs_of(r, key, value) for m, r in ensemble(name).items()}
         spread = {m: float(x.std(ddof=1)) for m, x in logs.items()}
-        # never worse than moments beyond the noise of 24 paired trials
+        # never worse than moments beyond the noise of 20 paired trials
         assert spread["likelihood"] < 1.15 * spread["moments"], key
         assert spread["likelihood"] < 1.15 * spread["allan"], key
         for method, found in logs.items():
@@ -164,19 +175,19 @@ def test_maximum_likelihood_is_efficient_and_all_methods_agree(name: str) -> Non
 
 @pytest.mark.parametrize("name", ["accel", "gyro"])
 def test_errors_are_true(name: str) -> None:
-    for method in ("likelihood", "means"):
-        results = ensemble(name)[method]
-        for key, value in truth_of(TRUTH[name]).items():
-            hits = sum(r.intervals[key][0] <= value <= r.intervals[key][1] for r in results)
-            assert hits / SEEDS >= 0.83, (method, key)
-            spread = logs_of(results, key, value).std(ddof=1)
-            claimed = np.median([r.standard_errors[key] / r.parameters[key] for r in results])
-            assert 0.6 < spread / claimed < 1.45, (method, key)
-        assert all(r.diagnostics.converged for r in results)
+    results = of_means(name)
+    for key, value in truth_of(TRUTH[name]).items():
+        hits = sum(r.intervals[key][0] <= value <= r.intervals[key][1] for r in results)
+        assert hits / MORE >= 0.85, key  # 95 % of 60 less 3.5 sd
+        spread = logs_of(results, key, value).std(ddof=1)
+        claimed = np.median([r.standard_errors[key] / r.parameters[key] for r in results])
+        # sd of an sd of 60 is 9 %
+        assert 0.7 < spread / claimed < 1.35, key
+    assert all(r.diagnostics.converged for r in results)
 
 
 def test_means_lose_knowledge_of_white_noise_only() -> None:
-    full, means = ensemble("accel")["likelihood"], ensemble("accel")["means"]
+    full, means = ensemble("accel")["likelihood"], of_means("accel")[:SEEDS]
     for key in truth_of(ACCEL):
         ratio = np.median(
             [
