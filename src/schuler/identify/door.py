@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -14,7 +15,7 @@ from schuler.identify import series_methods, structure_methods
 from schuler.identify.identification import Identification
 from schuler.identify.joint import identify as identify_allan
 from schuler.identify.result import MethodIdentification
-from schuler.identify.signals import checked_signal
+from schuler.identify.signals import checked_signal, outlier_flag
 from schuler.processes import Process
 
 FloatArray = NDArray[np.float64]
@@ -155,7 +156,9 @@ def identify(
         raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
     values = checked_signal(signal, _SHORTEST_RECORD)
     if method == "allan":
-        return identify_allan(values, rate, model)
+        found = identify_allan(values, rate, model)
+        outlier = outlier_flag(values - values.mean())
+        return replace(found, flags=(outlier,)) if outlier else found
     if method in STRUCTURAL:
         return _STRUCTURE[method](values, float(rate), model, shortest)
     return _SERIES[method](values, float(rate), model, order)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,8 @@ class Identification:
         What the slope method reads off the same curve, for comparison.
     verdict : RecordVerdict
         Record length against need.
+    flags : tuple of str
+        What to know before use, in plain words; empty if nothing.
     """
 
     process: ProcessSum
@@ -81,6 +83,7 @@ class Identification:
     diagnostics: FitDiagnostics
     slopes: SlopeReadings
     verdict: RecordVerdict
+    flags: tuple[str, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> str:
@@ -117,4 +120,5 @@ class Identification:
             },
             "slope_method": self.slopes.to_dict(),
             "record": self.verdict.to_dict(),
+            **({"flags": list(self.flags)} if self.flags else {}),
         }

@@ -26,6 +26,7 @@ Model = Any
 _SHARED_FLAGS = {
     "trend": "the signal is a trend rather than noise: remove it, or model a RateRamp",
     "misfit": "no sum of these processes fits the spectrum: standard errors were widened",
+    "fast part left out": "frequencies above the sensor's own filter were left out of the fit",
     "not converged": "the fit did not converge",
     "not exponential": "the correlation is not that of one Gauss-Markov noise: use another method",
     "record too short": "the record is shorter than 20 correlation times",

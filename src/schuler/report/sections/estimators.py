@@ -207,7 +207,9 @@ def _garch_table(found: list[tuple[str, GarchFit]]) -> Table:
         unit, factor = unit_of(name)
         errors = fit.standard_errors
         weights = [
-            " ".join(compact_with_error(fit.values[k], errors[k]) for k in fit.values if p in k)
+            " ".join(
+                compact_with_error(v, errors.get(k, 0.0)) for k, v in fit.values.items() if p in k
+            )
             for p in ("alpha_", "beta_")
         ]
         variance = fit.unconditional_variance
