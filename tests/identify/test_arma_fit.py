@@ -166,6 +166,33 @@ def test_coverage_of_the_intervals() -> None:
         assert 0.90 <= hits / count <= 0.985, name
 
 
+def test_never_below_the_likelihood_of_the_truth() -> None:
+    # random roots, slow and fast, real and complex: no start is stuck on a false maximum
+    rng = np.random.default_rng(60)
+
+    def polynomial(order: int) -> np.ndarray:
+        roots: list[complex] = []
+        while len(roots) < order:
+            radius = 1.0 - 10.0 ** rng.uniform(-2.3, -0.1)
+            if order - len(roots) >= 2 and rng.random() < 0.5:
+                turn = np.exp(1j * rng.uniform(0.1, 3.0))
+                roots += [radius * turn, radius / turn]
+            else:
+                roots.append(radius * rng.choice([-1.0, 1.0]))
+        return np.poly(roots).real[1:] if order else np.zeros(0)
+
+    for _ in range(60):
+        p, q = (int(v) for v in rng.integers(0, 4, 2))
+        phi, theta = -polynomial(p), polynomial(q)
+        x = ARMA(tuple(phi), tuple(theta), 1.0, 1.0).simulate(2500, 1.0, rng)
+        x /= x.std()
+        fit = fit_arma(x, p, q)
+        truth = likelihood(x - x.mean(), np.concatenate([phi, theta]), p).value
+        gain = fit.log_likelihood - truth
+        # half a chi-square with p + q degrees of freedom: 99.99 % of six are below 14
+        assert -1e-6 <= gain < 14.0
+
+
 def test_robust_errors_hold_where_the_variance_changes() -> None:
     # E-000-12: GARCH innovations widen the scatter beyond what the Gaussian information says
     rng = np.random.default_rng(31)
@@ -297,6 +324,11 @@ def test_what_is_not_stationary_is_said(kind: str) -> None:
         assert any(f.startswith(said) for f in fit.flags), (p, q)
         assert np.all(np.abs(fit.poles) < 1.0)
         assert json.dumps(fit.to_dict(), allow_nan=False)
+
+
+def test_a_ramp_that_is_foreseen_without_error_is_refused() -> None:
+    with pytest.raises(EstimationError, match="not noise"):
+        fit_arma(np.arange(700.0), 5, 1)
 
 
 def test_over_differenced_noise_is_said() -> None:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.errors import InputError
+from schuler.errors import EstimationError, InputError
 from schuler.identify.arma_likelihood import Likelihood, innovations, scores, split
 from schuler.identify.arma_search import Climb, search
 from schuler.identify.residual_tests import ResidualTests, residual_tests
@@ -25,6 +25,7 @@ UNIT_ROOT = 1e-4
 COMMON_FACTOR = 0.02
 _COMMON_FACTOR_GAIN = 15.0
 _RECORD_OF_A_POLE = 10.0
+_FORESEEN = 1e-26
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,10 +312,23 @@ def finish(
     -------
     ArmaFit
         In u.
+
+    Raises
+    ------
+    EstimationError
+        The signal is foreseen without error.
     """
     n, k = unit.size, best.coefficients.size
     phi, theta = split(best.coefficients, p)
     _, information, outer = scores(unit, best.coefficients, p, best.at)
+    if not (np.isfinite(information).all() and np.isfinite(outer).all()) or (
+        best.at.variance < _FORESEEN
+    ):
+        raise EstimationError(
+            f"ARMA({p}, {k - p}) foresees the signal without error: it is not noise",
+            expected="noise",
+            cure="take off the ramp, step or sinusoid that it is",
+        )
     covariances, singular = _covariances(information, outer)
     if errors not in covariances:
         raise InputError(f"errors '{errors}'", expected=f"one of {', '.join(covariances)}")

@@ -171,10 +171,10 @@ def approximate_slope(
     return gradient / at.variance, information / at.variance
 
 
-def exact_gradient(
-    signal: FloatArray, coefficients: FloatArray, p: int, information: FloatArray
-) -> FloatArray:
-    """Gradient of the exact log likelihood by central differences, a hundredth of an error wide.
+def exact_slope(
+    signal: FloatArray, coefficients: FloatArray, p: int, at: Likelihood
+) -> tuple[FloatArray, FloatArray]:
+    """Gradient and information of the exact likelihood, mean and variance being the best ones.
 
     Parameters
     ----------
@@ -184,20 +184,26 @@ def exact_gradient(
         phi, theta; stationary and invertible.
     p : int
         Number of phi.
-    information : (p + q, p + q) ndarray
-        Sets the width of the differences.
+    at : Likelihood
+        Evaluated there.
 
     Returns
     -------
-    (p + q,) ndarray
-        Per unit of the coefficients.
+    gradient : (p + q,) ndarray
+        Of the log likelihood.
+    information : (p + q, p + q) ndarray
+        Its expected curvature.
     """
-    gradient = np.empty(coefficients.size)
-    for k in range(coefficients.size):
-        low, high = _beside(coefficients, p, k, min(0.01 / math.sqrt(information[k, k]), 1e-3))
-        difference = likelihood(signal, high, p).value - likelihood(signal, low, p).value
-        gradient[k] = difference / (high[k] - low[k])
-    return gradient
+    centred = signal - at.mean
+    here = innovations(centred, coefficients, p)
+    slopes, jumps = _derivatives(centred, coefficients, p, here)
+    drift = jumps.sum(axis=1)[1:]
+    gradient = -(slopes[1:] @ here.residual) / at.variance - 0.5 * drift
+    products = slopes @ slopes.T / at.variance + 0.5 * jumps @ jumps.T
+    # what the mean and the variance can explain does not count
+    by_mean = np.outer(products[0, 1:], products[0, 1:]) / products[0, 0]
+    by_variance = np.outer(drift, drift) * (0.5 / signal.size)
+    return gradient, products[1:, 1:] - by_mean - by_variance
 
 
 def _beside(

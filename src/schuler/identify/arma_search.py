@@ -9,23 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.identify.arma_likelihood import (
+    EDGE,
     Likelihood,
     admissible,
     approximate_slope,
-    exact_gradient,
+    exact_slope,
     likelihood,
 )
 from schuler.processes.arma import poles_of
 
 FloatArray = NDArray[np.float64]
 
-SEGMENT = 40_000
+SEGMENT = 16_000
 """Samples on which the starts are compared."""
 CLOSE_ENOUGH = 1e-8
 """Squared distance to the maximum, in standard errors, at which the climb ends."""
 _ROUGH = 1e-2
-_APPROXIMATE_LIMIT = 1e-3
-_SMALL_GAIN = 0.01
+_APPROXIMATE_LIMIT = 1e-2
+_PAIRS = ((0.995, 0.97), (-0.95, -0.98), (-0.98, -0.95), (0.97, 0.99))
+"""Poles beside zeros that a regression on the recent past does not see."""
 _DAMPINGS = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
 
 
@@ -89,32 +91,29 @@ def climb(
     distance, taken, exact = np.inf, 0, False
     if coefficients.size == 0:
         return Climb(coefficients, at, 0.0, 0)
+    enough = _ROUGH if rough else CLOSE_ENOUGH
     while taken < steps:
-        gradient, information = approximate_slope(signal, coefficients, p, at)
-        if exact:
-            gradient = exact_gradient(signal, coefficients, p, information)
+        slope = exact_slope if exact else approximate_slope
+        gradient, information = slope(signal, coefficients, p, at)
         full = _step(gradient, information, 0.0)
         distance = float(gradient @ full) if np.any(full != 0.0) else np.inf
-        if (rough and distance < _ROUGH) or (exact and distance < CLOSE_ENOUGH):
+        if exact and distance < enough:
             break
-        if not exact and not rough and distance < _APPROXIMATE_LIMIT:
+        if not exact and distance < _APPROXIMATE_LIMIT:
             exact = True
             continue
         better = _best_along(signal, coefficients, p, at, gradient, information, full)
         if better is None:
-            if exact or rough:
+            if exact:
                 break
             exact = True
             continue
         gain = better[1].value - at.value
         coefficients, at = better
         taken += 1
-        if not exact and gain < _SMALL_GAIN:
-            # the approximate slope has no more to give
-            if rough:
-                break
-            exact = True
-    return Climb(coefficients, at, distance if exact or rough else np.inf, taken)
+        # a parabola gains half the distance; where it does not, the cheap slope misleads
+        exact = exact or not 0.25 * distance < gain < 0.75 * distance
+    return Climb(coefficients, at, distance if exact else np.inf, taken)
 
 
 def _best_along(
@@ -132,13 +131,21 @@ def _best_along(
         if not np.any(np.abs(step) > 1e-15 * (1.0 + np.abs(coefficients))):
             return None
         for shortened in (1.0, 0.3):
-            tried = coefficients + shortened * step
+            tried = _mirrored(coefficients + shortened * step, p)
             if not admissible(tried, p):
                 continue
             there = likelihood(signal, tried, p)
             if there.value > at.value:
                 return _farther(signal, coefficients, p, at, gradient, (tried, there))
     return None
+
+
+def _mirrored(coefficients: FloatArray, p: int) -> FloatArray:
+    """Turn zeros outside the unit circle inside: the likelihood is the same there."""
+    if coefficients.size == p or not np.isfinite(coefficients).all():
+        return coefficients
+    theta = -_turned_inside(-coefficients[p:], 1.0 - 2.0 * EDGE)
+    return np.concatenate([coefficients[:p], theta])
 
 
 def _farther(
@@ -194,7 +201,9 @@ def search(
         return climb(signal, np.zeros(0), 0)
     segment = signal[:SEGMENT]
     begun = [s for s in (*starts(segment, p, q), *hints) if admissible(s, p)]
-    rough_climbs = [climb(segment, s, p, rough=True, steps=15) for s in begun]
+    first = [climb(segment, s, p, rough=True, steps=5) for s in begun]
+    first.sort(key=lambda c: -c.at.value)
+    rough_climbs = [climb(segment, c.coefficients, p, rough=True, steps=20) for c in first[:4]]
     rough_climbs.sort(key=lambda c: -c.at.value)
     chosen: list[Climb] = []
     for c in rough_climbs:
@@ -207,7 +216,7 @@ def search(
 
 
 def starts(signal: FloatArray, p: int, q: int) -> list[FloatArray]:
-    """Coefficients to start from: Hannan-Rissanen, autoregressive, and a slow pole beside a zero.
+    """Coefficients to start from: Hannan-Rissanen, autoregressive, and poles beside zeros.
 
     Parameters
     ----------
@@ -227,9 +236,10 @@ def starts(signal: FloatArray, p: int, q: int) -> list[FloatArray]:
         found.append(np.concatenate([_hannan_rissanen(signal, p, 0), np.zeros(q)]))
     if p and q:
         fast = _hannan_rissanen(signal, p - 1, q - 1)
-        phi = np.convolve([1.0, -0.995], np.concatenate([[1.0], -fast[: p - 1]]))
-        theta = np.convolve([1.0, -0.97], np.concatenate([[1.0], fast[p - 1 :]]))
-        found.append(np.concatenate([-phi[1:], theta[1:]]))
+        for pole, zero in _PAIRS:
+            phi = np.convolve([1.0, -pole], np.concatenate([[1.0], -fast[: p - 1]]))
+            theta = np.convolve([1.0, -zero], np.concatenate([[1.0], fast[p - 1 :]]))
+            found.append(np.concatenate([-phi[1:], theta[1:]]))
     return found
 
 
