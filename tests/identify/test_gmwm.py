@@ -13,8 +13,10 @@ import pytest
 from schuler.characterize.wavelet_variance import wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify import Identification, identify
-from schuler.identify.gmwm import GmwmIdentification, fit_gmwm, fit_gmwm_replicates
-from schuler.identify.wavelet_moments import fit_moments, misfit, relative_covariance
+from schuler.identify.gmwm import GmwmIdentification, fit_gmwm
+from schuler.identify.gmwm_replicates import fit_gmwm_replicates
+from schuler.identify.wavelet_moments import fit_moments
+from schuler.identify.wavelet_scatter import misfit, relative_covariance
 from schuler.processes import (
     GaussMarkov,
     Process,
@@ -45,7 +47,7 @@ def ensemble(name: str, robust: bool = False) -> tuple[GmwmIdentification, ...]:
             10.0,
             robust=robust,
         )
-        for seed in range(SEEDS)
+        for seed in range(15 if robust else SEEDS)
     )
 
 
@@ -193,7 +195,7 @@ def test_robust_costs_little_on_clean_records() -> None:
         found = [fit for fit in ensemble("accel", True) if key in fit.parameters]
         robust = [r.standard_errors[key] / value for r in found]
         hits = sum(r.intervals[key][0] <= value <= r.intervals[key][1] for r in found)
-        assert hits / SEEDS >= 0.83, key
+        assert hits >= 12, key  # 95 % of 15 less 3 sd
         limit = 2.5 if key.startswith("white") else 1.15
         assert 0.95 < np.median(robust) / np.median(plain) < limit, key
 

@@ -1,10 +1,10 @@
-"""Processes from wavelet variances, plain or robust, from one record or several of one sensor."""
+"""Processes from wavelet variances, plain or robust."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,26 +14,26 @@ from schuler.characterize.robust import biweight_tuning, median_scale, robust_va
 from schuler.characterize.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify.curve_fit import FREE, CurvePoints, fit_structure, free_parameters
-from schuler.identify.identification import FitDiagnostics, Identification
-from schuler.identify.record import judge_record
-from schuler.identify.replicates import Agreement, compare_runs
+from schuler.identify.gmwm_result import GmwmIdentification, describe_fit
 from schuler.identify.selection import rough_process, select_structure
-from schuler.identify.slopes import slope_method
-from schuler.identify.wavelet_moments import (
-    MomentFit,
-    fit_moments,
-    heterogeneity,
-    pooled_points,
-    pooled_scatter,
-)
+from schuler.identify.wavelet_moments import MomentFit, fit_moments, heterogeneity
+from schuler.identify.wavelet_scatter import pooled_points, pooled_scatter
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,
     Process,
-    ProcessSum,
     RandomWalk,
     WhiteNoise,
 )
+
+__all__ = [
+    "GmwmIdentification",
+    "at_scales_from",
+    "fit_gmwm",
+    "fit_gmwm_curves",
+    "one_channel",
+    "tail_ratio",
+]
 
 FloatArray = NDArray[np.float64]
 Model = Literal["auto", "classical"] | Process
@@ -44,95 +44,6 @@ _BAND_EDGES = (10, 50)
 _FASTEST = 3.0
 _FEWEST_SCALES = 8
 _MISFIT = 1e-3
-_SHARED = 0.01
-_HEAVY_TAILS = 1.3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GmwmIdentification(Identification):
-    """What the generalised method of wavelet moments found.
-
-    Parameters
-    ----------
-    wavelet : WaveletVarianceCurve
-        The curve that was fitted (the longest record's where several were pooled).
-    p_value : float
-        Of the J test: probability of a larger misfit if the model is true.
-    wvic : float
-        Wavelet variance information criterion; smaller is better among models of one curve.
-    flags : tuple of str
-        What a reader should know, in plain words; empty when all is well.
-
-    Notes
-    -----
-    All else as in `Identification`.
-    """
-
-    wavelet: WaveletVarianceCurve
-    p_value: float
-    wvic: float
-    flags: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain Python for JSON, in SI."""
-        return {
-            **Identification.to_dict(self),
-            "method": "gmwm",
-            "wavelet_variance": self.wavelet.to_dict(),
-            "p_value": self.p_value,
-            "wvic": self.wvic,
-            "converged": self.diagnostics.converged,
-            "flags": list(self.flags),
-        }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PooledIdentification:
-    """Several records of one sensor, together and apart.
-
-    Parameters
-    ----------
-    pooled : GmwmIdentification
-        One model for all records.
-    runs : tuple of GmwmIdentification
-        The same structure, each record alone.
-    chi_square : float
-        Heterogeneity: what the common parameters cost in misfit beside separate ones.
-    degrees_of_freedom : int
-        (records - 1) times parameters.
-    p_value : float
-        Probability of a larger chi-square if the records share one model.
-    agreements : tuple of Agreement
-        The same question for every parameter.
-    """
-
-    pooled: GmwmIdentification
-    runs: tuple[GmwmIdentification, ...]
-    chi_square: float
-    degrees_of_freedom: int
-    p_value: float
-    agreements: tuple[Agreement, ...]
-
-    @property
-    def shared(self) -> bool:
-        """True where the records may share one model, at the 1 % level."""
-        return self.p_value > _SHARED
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain Python for JSON, in SI."""
-        from dataclasses import asdict
-
-        return {
-            "pooled": self.pooled.to_dict(),
-            "runs": [r.to_dict() for r in self.runs],
-            "heterogeneity": {
-                "chi_square": self.chi_square,
-                "degrees_of_freedom": self.degrees_of_freedom,
-                "p_value": self.p_value,
-                "shared": self.shared,
-                "parameters": [{**asdict(a), "shared": a.shared} for a in self.agreements],
-            },
-        }
 
 
 def fit_gmwm(
@@ -173,70 +84,9 @@ def fit_gmwm(
     ModelError
         A model without a parameter that a wavelet variance shows.
     """
-    values = _values(signal)
+    values = one_channel(signal)
     curve = wavelet_variance(values, rate, robust, efficiency)
     return fit_gmwm_curves([curve], model, tail_ratio(values) if not robust else 1.0)
-
-
-def fit_gmwm_replicates(
-    signals: Sequence[ArrayLike],
-    rate: float,
-    model: Model = "auto",
-    robust: Robust = False,
-    efficiency: float = 0.6,
-) -> PooledIdentification:
-    """Fit one model to several records of one sensor, and test whether they share it.
-
-    Parameters
-    ----------
-    signals : sequence of (n,) array_like
-        Records of one channel, at least two; lengths may differ.
-    rate : float
-        Samples a second of all.
-    model, robust, efficiency
-        As for `fit_gmwm`.
-
-    Returns
-    -------
-    PooledIdentification
-        Together, apart, and the heterogeneity chi-square (spec 10, multi-signal GMWM).
-
-    Raises
-    ------
-    InputError, EstimationError, ModelError
-        As `fit_gmwm`; fewer than two records.
-    """
-    from scipy.special import chdtrc
-
-    if len(signals) < 2:
-        raise EstimationError(f"{len(signals)} record", expected="at least two")
-    curves, tails = [], 1.0
-    for k, signal in enumerate(signals):
-        try:
-            values = _values(signal)
-            curves.append(wavelet_variance(values, rate, robust, efficiency))
-        except (InputError, EstimationError) as error:
-            raise error.at(f"record {k}") from None
-        tails = max(tails, 1.0 if robust else tail_ratio(values))
-    pooled = fit_gmwm_curves(curves, model, tails)
-    used = [_from(c, float(pooled.diagnostics.tau[0])) for c in curves]
-    granted = 2.0 * pooled.diagnostics.discrepancy
-    together = fit_moments(pooled.process.parts, used, granted)
-    chi_square, freedom = heterogeneity(together, used, granted)
-    runs = tuple(
-        _result(fit_moments(together.parts, [c], granted), [c], granted, {}, 1.0) for c in used
-    )
-    p_value = float(chdtrc(max(freedom, 1), chi_square))
-    if p_value <= _SHARED:
-        pooled = _widened(pooled, math.sqrt(max(chi_square / max(freedom, 1), 1.0)))
-    return PooledIdentification(
-        pooled=pooled,
-        runs=runs,
-        chi_square=chi_square,
-        degrees_of_freedom=freedom,
-        p_value=p_value,
-        agreements=tuple(compare_runs(runs, key) for key in pooled.standard_errors),
-    )
 
 
 def fit_gmwm_curves(
@@ -278,7 +128,7 @@ def fit_gmwm_curves(
     kept, fit = list(curves), None
     candidates: dict[str, float] = {}
     for edge in (1, *_BAND_EDGES):
-        slow = [_from(c, (edge - 0.5) / c.rate) for c in curves]
+        slow = [at_scales_from(c, (edge - 0.5) / c.rate) for c in curves]
         if edge > 1 and min(c.scale.size for c in slow) < _FEWEST_SCALES:
             break
         kept = slow
@@ -294,7 +144,7 @@ def fit_gmwm_curves(
         if more != granted:
             granted = more
             fit = fit_moments(fit.parts, kept, granted)
-    return _result(fit, kept, granted, candidates, tails)
+    return describe_fit(fit, kept, granted, candidates, tails)
 
 
 def _fit(
@@ -339,7 +189,26 @@ def _fits(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float
     return chi_square <= float(chdtri(freedom, _MISFIT))
 
 
-def _values(signal: ArrayLike) -> NDArray[Any]:
+def one_channel(signal: ArrayLike) -> NDArray[Any]:
+    """Check that a signal is one channel of at least a hundred samples.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples.
+
+    Returns
+    -------
+    (n,) ndarray
+        The same.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional.
+    EstimationError
+        Too short.
+    """
     values = np.asarray(signal)
     if values.ndim != 1:
         raise InputError(f"signal has shape {values.shape}", expected="(n,), one channel at a time")
@@ -372,8 +241,21 @@ def tail_ratio(values: NDArray[Any]) -> float:
     return plain / robust_variance(step, biweight_tuning(0.5))[0]
 
 
-def _from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVarianceCurve:
-    """The curve at scales from `shortest` s on."""
+def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVarianceCurve:
+    """Return the curve at scales from `shortest` s on.
+
+    Parameters
+    ----------
+    curve : WaveletVarianceCurve
+        A curve.
+    shortest : float
+        Scale in s.
+
+    Returns
+    -------
+    WaveletVarianceCurve
+        Without the faster scales.
+    """
     keep = curve.scale >= shortest * (1.0 - 1e-9)
     return replace(
         curve,
@@ -453,109 +335,3 @@ def _discrepancy(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted
         chi_square, freedom = _misfit(again, curves, middle)
         low, high = (middle, high) if chi_square > freedom else (low, middle)
     return math.sqrt(low * high)
-
-
-def _widened(found: GmwmIdentification, factor: float) -> GmwmIdentification:
-    """The same with standard errors larger by a factor, and a flag that says so."""
-    return replace(
-        found,
-        standard_errors={k: factor * e for k, e in found.standard_errors.items()},
-        intervals={
-            k: (v * (low / v) ** factor, v * (high / v) ** factor)
-            for (k, (low, high)), v in zip(
-                found.intervals.items(), found.parameters.values(), strict=True
-            )
-        },
-        flags=(
-            *found.flags,
-            "the records do not share one model: errors of the common one were widened "
-            f"{factor:.2g} times",
-        ),
-    )
-
-
-def _result(
-    fit: MomentFit,
-    curves: Sequence[WaveletVarianceCurve],
-    granted: float,
-    candidates: dict[str, float],
-    tails: float,
-) -> GmwmIdentification:
-    from scipy.special import chdtrc
-
-    process = fit.process
-    errors: dict[str, float] = {}
-    intervals: dict[str, tuple[float, float]] = {}
-    limits: dict[str, float] = {}
-    for j, (k, name) in enumerate(fit.names):
-        key = f"{process.names[k]}.{name}"
-        value = abs(float(getattr(fit.parts[k], name)))
-        spread = min(math.sqrt(float(fit.log_covariance[j, j])), 50.0)
-        errors[key] = min(value * spread, 1e3 * value)
-        intervals[key] = (value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread))
-        if spread > 2.0:
-            limits[key] = value * math.exp(min(1.645 * spread, 20.0))
-    longest = max(curves, key=lambda c: c.samples)
-    points = pooled_points(curves)
-    shown = longest.allan
-    p_value = float(chdtrc(max(fit.degrees_of_freedom, 1), fit.chi_square))
-    model = process.wavelet_variance(points.tau)
-    return GmwmIdentification(
-        process=process,
-        standard_errors=errors,
-        intervals=intervals,
-        limits=limits,
-        curve=shown,
-        diagnostics=FitDiagnostics(
-            chi_square=fit.chi_square,
-            degrees_of_freedom=fit.degrees_of_freedom,
-            discrepancy=0.5 * granted,
-            tau=points.tau,
-            residuals=0.5 * np.log(0.5 * points.variance / model),
-            candidates=candidates,
-            converged=fit.converged,
-        ),
-        slopes=slope_method(shown),
-        verdict=judge_record(process, errors, math.fsum(c.duration for c in curves)),
-        wavelet=longest,
-        p_value=p_value,
-        wvic=fit.wvic,
-        flags=_flags(fit, process, longest, granted, tails),
-    )
-
-
-def _flags(
-    fit: MomentFit,
-    process: ProcessSum,
-    curve: WaveletVarianceCurve,
-    granted: float,
-    tails: float,
-) -> tuple[str, ...]:
-    flags = []
-    if not fit.converged:
-        flags.append("the fit did not converge")
-    if granted > 0.0:
-        flags.append(
-            f"no sum of these processes fits better than {50.0 * granted:.1f} % in deviation: "
-            "errors were widened to match"
-        )
-    if tails > _HEAVY_TAILS:
-        flags.append(
-            f"heavy tails or outliers: the finest scale holds {tails:.3g} times its robust "
-            "variance; robust=True holds them back"
-        )
-    times = [p.correlation_time for p in process.parts if isinstance(p, GaussMarkov)]
-    flags += [
-        f"a correlation time of {t:.3g} s cannot be told from a random walk in "
-        f"{curve.duration:.3g} s"
-        for t in times
-        if t > 0.5 * curve.duration
-    ]
-    flags += [
-        f"a correlation time of {t:.3g} s stands at the shortest scale: it may be shorter"
-        for t in times
-        if t <= 1.001 * curve.scale[0]
-    ]
-    if curve.robust == "samples" and curve.outliers > 0.1:
-        flags.append(f"{100.0 * curve.outliers:.0f} % of the samples were held back as outliers")
-    return tuple(flags)

@@ -22,7 +22,8 @@ from schuler.identify.gmwm import fit_gmwm_curves, tail_ratio
 from schuler.identify.identification import FitDiagnostics, Identification
 from schuler.identify.record import judge_record
 from schuler.identify.slopes import slope_method
-from schuler.identify.wavelet_moments import Names, misfit, relative_covariance, with_logs
+from schuler.identify.wavelet_moments import Names, with_logs
+from schuler.identify.wavelet_scatter import misfit, relative_covariance
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,
