@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.identify.arma import ArmaFit, fit_arma
+from schuler.identify.arma import fit_arma
 from schuler.identify.arma_likelihood import admissible
+from schuler.identify.arma_result import ArmaFit
 from schuler.identify.conditional_variance import backcast
-from schuler.identify.garch import CONVERGED, GarchFit, fit_garch
+from schuler.identify.garch import CONVERGED, fit_garch
+from schuler.identify.garch_result import GarchFit
 from schuler.identify.garch_search import (
     SMALLEST_CONSTANT,
     Problem,

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.errors import InputError
 from schuler.identify.arma import (
     UNIT_ROOT,
-    ArmaCandidate,
-    ArmaFit,
     ErrorKind,
     check_orders,
     finish,
@@ -20,6 +18,7 @@ from schuler.identify.arma import (
     nearest_pair,
 )
 from schuler.identify.arma_likelihood import split
+from schuler.identify.arma_result import ArmaCandidate, ArmaFit
 from schuler.identify.arma_search import Climb, climb, search
 from schuler.identify.signals import checked_signal
 from schuler.processes.arma import poles_of, zeros_of
