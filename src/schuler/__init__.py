@@ -13,14 +13,41 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from schuler.characterize.allan import AllanCurve, allan_deviation
+    from schuler.characterize.autocorrelation import AutocorrelationCurve, autocorrelation
     from schuler.characterize.screening import Screening, repair, screen
+    from schuler.characterize.spectrum import SpectrumCurve, power_spectral_density
+    from schuler.characterize.wavelet_variance import WaveletVarianceCurve, wavelet_variance
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
     from schuler.data.trajectory import Innovations, NavigationSolution, Trajectory
+    from schuler.denoise import CausalDenoiser, Denoised, denoise
     from schuler.errors import SchulerError
     from schuler.evaluate.outages import OutageEvaluation, evaluate_outages
     from schuler.export.kalibr import kalibr_yaml, write_kalibr
-    from schuler.identify import Identification, ImuCharacterization, characterize_imu, identify
+    from schuler.identify import (
+        Identification,
+        ImuCharacterization,
+        MethodIdentification,
+        characterize_imu,
+        identify,
+    )
+    from schuler.identify.arma import ArmaFit, fit_arma
+    from schuler.identify.arma_garch import ArmaGarchFit, fit_arma_garch
+    from schuler.identify.arma_selection import select_arma
+    from schuler.identify.autoregressive import ArFit, fit_ar, select_ar
+    from schuler.identify.comparison import (
+        ImuMethodComparison,
+        MethodComparison,
+        compare_methods,
+        compare_methods_imu,
+    )
+    from schuler.identify.garch import GarchFit, fit_garch
+    from schuler.identify.garch_selection import select_garch
+    from schuler.identify.gmwm import fit_gmwm
+    from schuler.identify.gmwm_replicates import PooledIdentification, fit_gmwm_replicates
+    from schuler.identify.maximum_likelihood import fit_maximum_likelihood
+    from schuler.identify.orthogonal_search import FosFit, fast_orthogonal_search
+    from schuler.identify.residual_tests import arch_lm_test, ljung_box_test
     from schuler.navigate import navigate
     from schuler.processes import (
         BiasInstability,
@@ -35,6 +62,8 @@ if TYPE_CHECKING:
         TurnOnBias,
         WhiteNoise,
     )
+    from schuler.processes.arma import ARMA
+    from schuler.processes.autoregressive import Autoregressive
     from schuler.readers import read_gnss, read_imu
     from schuler.report import write_report
     from schuler.simulate import simulate_gnss, simulate_imu, simulate_static
@@ -69,9 +98,33 @@ _HOMES = {
     "schuler.identify": (
         "Identification",
         "ImuCharacterization",
+        "MethodIdentification",
         "characterize_imu",
         "identify",
     ),
+    "schuler.processes.autoregressive": ("Autoregressive",),
+    "schuler.processes.arma": ("ARMA",),
+    "schuler.characterize.spectrum": ("SpectrumCurve", "power_spectral_density"),
+    "schuler.characterize.autocorrelation": ("AutocorrelationCurve", "autocorrelation"),
+    "schuler.characterize.wavelet_variance": ("WaveletVarianceCurve", "wavelet_variance"),
+    "schuler.identify.autoregressive": ("ArFit", "fit_ar", "select_ar"),
+    "schuler.identify.orthogonal_search": ("FosFit", "fast_orthogonal_search"),
+    "schuler.identify.arma": ("ArmaFit", "fit_arma"),
+    "schuler.identify.arma_selection": ("select_arma",),
+    "schuler.identify.arma_garch": ("ArmaGarchFit", "fit_arma_garch"),
+    "schuler.identify.garch": ("GarchFit", "fit_garch"),
+    "schuler.identify.garch_selection": ("select_garch",),
+    "schuler.identify.residual_tests": ("arch_lm_test", "ljung_box_test"),
+    "schuler.identify.gmwm": ("fit_gmwm",),
+    "schuler.identify.gmwm_replicates": ("PooledIdentification", "fit_gmwm_replicates"),
+    "schuler.identify.maximum_likelihood": ("fit_maximum_likelihood",),
+    "schuler.identify.comparison": (
+        "ImuMethodComparison",
+        "MethodComparison",
+        "compare_methods",
+        "compare_methods_imu",
+    ),
+    "schuler.denoise": ("CausalDenoiser", "Denoised", "denoise"),
     "schuler.simulate": ("simulate_gnss", "simulate_imu", "simulate_static"),
     "schuler.navigate": ("navigate",),
     "schuler.evaluate.outages": ("OutageEvaluation", "evaluate_outages"),
@@ -81,17 +134,31 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
+    "ARMA",
     "AllanCurve",
+    "ArFit",
+    "ArmaFit",
+    "ArmaGarchFit",
+    "AutocorrelationCurve",
+    "Autoregressive",
     "BiasInstability",
+    "CausalDenoiser",
+    "Denoised",
+    "FosFit",
+    "GarchFit",
     "GaussMarkov",
     "GnssRecording",
     "Identification",
     "ImuCharacterization",
+    "ImuMethodComparison",
     "ImuRecording",
     "Innovations",
+    "MethodComparison",
+    "MethodIdentification",
     "NavigationSolution",
     "NoiseModel",
     "OutageEvaluation",
+    "PooledIdentification",
     "Process",
     "ProcessSum",
     "Quantization",
@@ -100,22 +167,43 @@ __all__ = [
     "SchulerError",
     "Screening",
     "Sinusoid",
+    "SpectrumCurve",
     "Trajectory",
     "TurnOnBias",
+    "WaveletVarianceCurve",
     "WhiteNoise",
     "allan_deviation",
+    "arch_lm_test",
+    "autocorrelation",
     "characterize_imu",
+    "compare_methods",
+    "compare_methods_imu",
+    "denoise",
     "evaluate_outages",
+    "fast_orthogonal_search",
+    "fit_ar",
+    "fit_arma",
+    "fit_arma_garch",
+    "fit_garch",
+    "fit_gmwm",
+    "fit_gmwm_replicates",
+    "fit_maximum_likelihood",
     "identify",
     "kalibr_yaml",
+    "ljung_box_test",
     "navigate",
+    "power_spectral_density",
     "read_gnss",
     "read_imu",
     "repair",
     "screen",
+    "select_ar",
+    "select_arma",
+    "select_garch",
     "simulate_gnss",
     "simulate_imu",
     "simulate_static",
+    "wavelet_variance",
     "write_kalibr",
     "write_report",
 ]
