@@ -14,6 +14,7 @@ _HOMES = {
     "schuler.characterize": "screening",
     "schuler.identify": "characterization",
     "schuler.identify.comparison": "methods",
+    "schuler.identify.replicate_comparison": "replicates",
     "schuler.evaluate": "outages",
     "schuler.report.sections.navigation": "navigation",
     "schuler.report.sections.outages": "outages",
