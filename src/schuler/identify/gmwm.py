@@ -286,23 +286,9 @@ def _start(model: Model, curve: WaveletVarianceCurve) -> tuple[Process, ...] | N
 def _log_fit(
     parts: Sequence[Process], curves: Sequence[WaveletVarianceCurve], points: CurvePoints
 ) -> tuple[Process, ...]:
-    """Start values: the joint fit of the log curve, correlation times from where they are given.
-
-    Times that were given as mere placeholders are tried along the curve too.
-    """
+    """Start values: the best joint fit of the log curve, times as given or along the curve."""
     scatter = pooled_scatter(rough_process(points), curves, points)
-    starts = [list(parts)]
-    times = [k for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
-    if times:
-        count = max(4, 2 * len(times))
-        grid = np.geomspace(2.0 * points.tau[0], points.tau[-1], count)
-        for first in range(count - len(times) + 1):
-            moved = list(parts)
-            picked = np.linspace(first, count - 1, len(times)).astype(int) if first else None
-            for j, k in enumerate(sorted(times, key=lambda k: parts[k].parameters[_TIME])):
-                at = first + j if picked is None else int(picked[j])
-                moved[k] = replace(parts[k], correlation_time=float(grid[at]))  # type: ignore[type-var]
-            starts.append(moved)
+    starts = [list(parts), *_other_times(parts, points)]
     fits = [
         fit_structure([_scaled(p, points) for p in start], points, scatter, 30) for start in starts
     ]
@@ -310,7 +296,26 @@ def _log_fit(
     return fit_structure(best.parts, points, scatter).parts
 
 
-_TIME = "correlation_time"
+def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Process]]:
+    """The structure with its correlation times spread over the curve in several ways.
+
+    Times that were given may be mere placeholders. Their order is kept.
+    """
+    noises = [(p.correlation_time, k) for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
+    if not noises:
+        return []
+    count = max(4, 2 * len(noises))
+    grid = np.geomspace(2.0 * points.tau[0], points.tau[-1], count)
+    starts = []
+    for first in range(count - len(noises) + 1):
+        chosen = np.linspace(first, count - 1, len(noises)).astype(int)
+        if len(noises) == 1:
+            chosen = np.array([first])
+        moved = list(parts)
+        for (_, k), j in zip(sorted(noises), chosen, strict=True):
+            moved[k] = replace(parts[k], correlation_time=float(grid[j]))  # type: ignore[type-var]
+        starts.append(moved)
+    return starts
 
 
 def _scaled(part: Process, points: CurvePoints) -> Process:
