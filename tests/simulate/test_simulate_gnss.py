@@ -21,7 +21,7 @@ def circle() -> simulate.Profile:
     return simulate.drive(
         [
             simulate.Manoeuvre(10.0, 8.0),
-            simulate.Manoeuvre(40.0, 8.0, 0.2 * 40.0 / simulate.drives.STEEPEST),
+            simulate.Manoeuvre(40.0, 8.0, 0.2 * 40.0 / simulate.paths.STEEPEST),
         ],
         suspension=simulate.Suspension(0.0, 0.0),
     )

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
-from schuler.simulate.drives import STEEPEST, Manoeuvre, Road, drive
+from schuler.simulate.drives import Manoeuvre, Road, drive
+from schuler.simulate.paths import STEEPEST
 from schuler.simulate.profile import Profile
 
 KILOMETRES_PER_HOUR = 1.0 / 3.6
@@ -22,7 +23,8 @@ SIDE_LIMIT = 3.0
 Block = Callable[[float, np.random.Generator], list[Manoeuvre]]
 
 
-def _to_speed(before: float, after: float) -> Manoeuvre:
+def to_speed(before: float, after: float) -> Manoeuvre:
+    """Return the change from one speed to another (m/s) that a driver makes."""
     return Manoeuvre(max(3.0, STEEPEST * abs(after - before) / FORWARD_LIMIT), after)
 
 
@@ -30,7 +32,8 @@ def _turn(speed: float, angle: float) -> Manoeuvre:
     return Manoeuvre(max(4.0, STEEPEST * abs(angle) * speed / SIDE_LIMIT), speed, angle)
 
 
-def _side(rng: np.random.Generator) -> float:
+def side(rng: np.random.Generator) -> float:
+    """Draw a side: 1 to the right, -1 to the left."""
     return 1.0 if rng.random() < 0.5 else -1.0
 
 
@@ -39,7 +42,7 @@ def _cruise(low: float, high: float, shortest: float, longest: float) -> Block:
 
     def block(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
         after = rng.uniform(low, high) * KILOMETRES_PER_HOUR
-        return [_to_speed(speed, after), Manoeuvre(rng.uniform(shortest, longest), after)]
+        return [to_speed(speed, after), Manoeuvre(rng.uniform(shortest, longest), after)]
 
     return block
 
@@ -48,7 +51,7 @@ def _bend(smallest: float, largest: float) -> Block:
     """A bend (degrees) at the speed of the road, and a straight after it."""
 
     def block(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
-        angle = _side(rng) * np.radians(rng.uniform(smallest, largest))
+        angle = side(rng) * np.radians(rng.uniform(smallest, largest))
         return [_turn(speed, angle), Manoeuvre(rng.uniform(3.0, 8.0), speed)]
 
     return block
@@ -59,9 +62,9 @@ def _corner(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
     slow = rng.uniform(20.0, 24.0) * KILOMETRES_PER_HOUR
     after = rng.uniform(30.0, 45.0) * KILOMETRES_PER_HOUR
     return [
-        _to_speed(speed, slow),
-        _turn(slow, _side(rng) * np.pi / 2),
-        _to_speed(slow, after),
+        to_speed(speed, slow),
+        _turn(slow, side(rng) * np.pi / 2),
+        to_speed(slow, after),
         Manoeuvre(rng.uniform(3.0, 8.0), after),
     ]
 
@@ -70,9 +73,9 @@ def _stop(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
     """A red light: stop, wait some seconds, and go on."""
     after = rng.uniform(30.0, 50.0) * KILOMETRES_PER_HOUR
     return [
-        _to_speed(speed, 0.0),
+        to_speed(speed, 0.0),
         Manoeuvre(rng.uniform(5.0, 20.0), 0.0),
-        _to_speed(0.0, after),
+        to_speed(0.0, after),
         Manoeuvre(rng.uniform(3.0, 8.0), after),
     ]
 
@@ -82,16 +85,38 @@ COUNTRY: tuple[Block, ...] = (_cruise(55, 85, 5, 20), _bend(10, 45), _corner, _b
 MOTORWAY: tuple[Block, ...] = (_cruise(90, 123, 10, 30), _bend(3, 15), _bend(5, 25))
 
 
-def _fill(
+def compose(
     duration: float,
     standstill: float,
     stages: Sequence[tuple[float, Sequence[Block]]],
     rng: np.random.Generator,
 ) -> list[Manoeuvre]:
-    """Compose a drive of exactly this duration; stages are (share of it, blocks in turn)."""
-    plan = [Manoeuvre(standstill, 0.0), _to_speed(0.0, 40.0 * KILOMETRES_PER_HOUR)]
+    """Compose a drive of exactly this duration.
+
+    Parameters
+    ----------
+    duration : float
+        Seconds in all.
+    standstill : float
+        Seconds at rest before the drive.
+    stages : sequence of (float, sequence of Block)
+        Share of the duration, and the blocks that fill it, in random order again and again.
+    rng : numpy.random.Generator
+        Source of the draw.
+
+    Returns
+    -------
+    list of Manoeuvre
+        From rest to rest.
+
+    Raises
+    ------
+    InputError
+        The duration leaves no time to drive.
+    """
+    plan = [Manoeuvre(standstill, 0.0), to_speed(0.0, 40.0 * KILOMETRES_PER_HOUR)]
     elapsed, speed = sum(m.duration for m in plan), plan[-1].speed
-    left = duration - elapsed - _to_speed(speed, 0.0).duration - REST_AT_END
+    left = duration - elapsed - to_speed(speed, 0.0).duration - REST_AT_END
     if left < 10.0:
         raise InputError(
             f"a drive of {duration:g} s with {standstill:g} s of standstill before it",
@@ -103,11 +128,11 @@ def _fill(
             for k in rng.permutation(len(blocks)):
                 part = blocks[k](speed, rng)
                 after = elapsed + sum(m.duration for m in part)
-                if after + _to_speed(part[-1].speed, 0.0).duration + REST_AT_END > duration:
+                if after + to_speed(part[-1].speed, 0.0).duration + REST_AT_END > duration:
                     stage_end = elapsed
                     break
                 plan, elapsed, speed = plan + part, after, part[-1].speed
-    brake = _to_speed(speed, 0.0)
+    brake = to_speed(speed, 0.0)
     hold = duration - elapsed - brake.duration - REST_AT_END
     if hold > 0.0:
         plan.append(Manoeuvre(hold, speed))
@@ -123,7 +148,7 @@ def _car(
 ) -> Profile:
     plan_rng, road_rng, heading_rng = np.random.default_rng(rng).spawn(3)
     return drive(
-        _fill(duration, standstill, plan_stages, plan_rng),
+        compose(duration, standstill, plan_stages, plan_rng),
         origin=origin,
         heading=heading_rng.uniform(-np.pi, np.pi),
         road=Road.random(road_rng),

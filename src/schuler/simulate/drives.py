@@ -8,21 +8,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler import earth
 from schuler.errors import InputError
+from schuler.simulate.paths import (
+    STEP,
+    STEP_INTEGRAL,
+    STEP_SLOPE,
+    integrate_velocity,
+)
 from schuler.simulate.profile import Profile, fit_local_profile
 
 FloatArray = NDArray[np.float64]
 
 KNOT_SPACING = 0.25
 """Seconds between the knots of a drive: a fraction of its shortest manoeuvre."""
-
-# The step 126 u^5 - 420 u^6 + 540 u^7 - 315 u^8 + 70 u^9: four derivatives vanish at both ends.
-_STEP = np.polynomial.Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])
-_STEP_SLOPE = _STEP.deriv()
-_STEP_INTEGRAL = _STEP.integ()
-STEEPEST = 315.0 / 128.0
-"""Largest slope of the step: a manoeuvre's peak rate over its mean rate."""
+STANDARD_GRAVITY = 9.80665
+"""m/s²."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,10 +119,63 @@ class Suspension:
     pitch_gradient: float = 0.005
     roll_gradient: float = 0.009
 
+    def lean(self, forward: FloatArray, to_the_right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how the body leans against the road.
+
+        Parameters
+        ----------
+        forward, to_the_right : (n,) ndarray
+            Acceleration, m/s².
+
+        Returns
+        -------
+        roll, pitch : (n,) ndarray
+            Radians.
+        """
+        return -self.roll_gradient * to_the_right, self.pitch_gradient * forward
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """How far a motorcycle leans: as far into the curve as keeps it from falling.
+
+    Parameters
+    ----------
+    pitch_gradient : float
+        Nose up under forward acceleration, rad per m/s² (a soft fork: six degrees a g).
+    """
+
+    pitch_gradient: float = 0.01
+
+    def lean(self, forward: FloatArray, to_the_right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how the body leans against the road.
+
+        Parameters
+        ----------
+        forward, to_the_right : (n,) ndarray
+            Acceleration, m/s².
+
+        Returns
+        -------
+        roll, pitch : (n,) ndarray
+            Radians: gravity and the acceleration to the side add up along the body's down axis.
+        """
+        return np.arctan2(to_the_right, STANDARD_GRAVITY), self.pitch_gradient * forward
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Course:
-    """Speed and heading along a plan at some times."""
+class Course:
+    """Speed and heading along a plan at some times.
+
+    Parameters
+    ----------
+    speed, acceleration : (n,) ndarray
+        Along the road, m/s and m/s².
+    heading, heading_rate : (n,) ndarray
+        Rad and rad/s.
+    distance : (n,) ndarray
+        Metres gone.
+    """
 
     speed: FloatArray
     acceleration: FloatArray
@@ -131,8 +184,23 @@ class _Course:
     distance: FloatArray
 
 
-def _course(manoeuvres: Sequence[Manoeuvre], heading: float, time: FloatArray) -> _Course:
-    """Evaluate a plan that starts at rest at time zero."""
+def course_along(manoeuvres: Sequence[Manoeuvre], heading: float, time: FloatArray) -> Course:
+    """Evaluate a plan that starts at rest at time zero.
+
+    Parameters
+    ----------
+    manoeuvres : sequence of Manoeuvre
+        The plan.
+    heading : float
+        At the start, rad.
+    time : (n,) ndarray
+        Seconds.
+
+    Returns
+    -------
+    Course
+        At these times.
+    """
     duration = np.array([m.duration for m in manoeuvres])
     ends = np.cumsum(duration)
     k = np.clip(np.searchsorted(ends, time, side="right"), 0, len(manoeuvres) - 1)
@@ -143,14 +211,14 @@ def _course(manoeuvres: Sequence[Manoeuvre], heading: float, time: FloatArray) -
     way = duration * 0.5 * (before + after)  # the integral of the step is a half
     way_before = np.concatenate([[0.0], np.cumsum(way)[:-1]])
     u = np.clip((time - (ends - duration)[k]) / duration[k], 0.0, 1.0)
-    step, slope = _STEP(u), _STEP_SLOPE(u) / duration[k]
+    step, slope = STEP(u), STEP_SLOPE(u) / duration[k]
     change = (after - before)[k]
-    return _Course(
+    return Course(
         speed=before[k] + change * step,
         acceleration=change * slope,
         heading=heading_before[k] + turn[k] * step,
         heading_rate=turn[k] * slope,
-        distance=way_before[k] + duration[k] * (before[k] * u + change * _STEP_INTEGRAL(u)),
+        distance=way_before[k] + duration[k] * (before[k] * u + change * STEP_INTEGRAL(u)),
     )
 
 
@@ -170,39 +238,30 @@ def _check_plan(manoeuvres: Sequence[Manoeuvre]) -> None:
         raise InputError("a drive of less than two seconds", expected="more manoeuvres")
 
 
-def _integrate(
-    manoeuvres: Sequence[Manoeuvre],
-    heading: float,
-    road: Road,
-    origin: FloatArray,
-    knots: FloatArray,
-) -> FloatArray:
-    """Integrate the velocity over the earth to metres north, east, up in the origin's scale."""
-    node, weight = np.polynomial.legendre.leggauss(5)
-    step = np.diff(knots)
-    time = (knots[:-1, None] + step[:, None] * 0.5 * (1.0 + node)).ravel()
-    course = _course(manoeuvres, heading, time)
-    grade, _ = road.angles(course.distance)
+def course_velocity(course: Course, grade: FloatArray) -> FloatArray:
+    """Return the velocity of a course on a slope.
+
+    Parameters
+    ----------
+    course : Course
+        At n times.
+    grade : (n,) ndarray
+        Climb angle, rad.
+
+    Returns
+    -------
+    (n, 3) ndarray
+        North, east, up, m/s.
+    """
     level = course.speed * np.cos(grade)
-    velocity = np.stack([level * np.cos(course.heading), level * np.sin(course.heading)], axis=-1)
-
-    def integral(values: FloatArray) -> FloatArray:
-        cells = (values.reshape(step.size, node.size) @ weight) * 0.5 * step
-        return np.concatenate([[0.0], np.cumsum(cells)])
-
-    up = integral(course.speed * np.sin(grade))
-    scale = np.array(earth.metres_per_radian(origin))
-    local = np.stack([np.zeros(knots.size), np.zeros(knots.size), up], axis=-1)
-    # The metres of a radian depend on where the car is, a thousandth in some kilometres: each
-    # round of this fixed-point iteration brings three more digits.
-    for _ in range(6):
-        place = np.zeros((time.size, 3))
-        place[:, 0] = origin[0] + np.interp(time, knots, local[:, 0]) / scale[0]
-        place[:, 2] = origin[2] + np.interp(time, knots, up)
-        there = np.stack(earth.metres_per_radian(place), axis=-1)
-        for j in range(2):
-            local[:, j] = integral(velocity[:, j] * scale[j] / there[:, j])
-    return local
+    return np.stack(
+        [
+            level * np.cos(course.heading),
+            level * np.sin(course.heading),
+            course.speed * np.sin(grade),
+        ],
+        axis=-1,
+    )
 
 
 def drive(
@@ -211,7 +270,7 @@ def drive(
     origin: ArrayLike = (np.pi / 4, 0.13, 250.0),
     heading: float = 0.0,
     road: Road | None = None,
-    suspension: Suspension | None = None,
+    suspension: Suspension | Balance | None = None,
 ) -> Profile:
     """Return the motion of a car that goes through manoeuvres one after the other.
 
@@ -228,7 +287,7 @@ def drive(
         At the start, rad from north, positive to the east.
     road : Road, optional
         Flat if not given.
-    suspension : Suspension, optional
+    suspension : Suspension or Balance, optional
         That of a common car if not given.
 
     Returns
@@ -247,9 +306,14 @@ def drive(
     start = np.asarray(origin, dtype=np.float64)
     duration = float(sum(m.duration for m in manoeuvres))
     knots = np.linspace(0.0, duration, int(np.ceil(duration / KNOT_SPACING)) + 1)
-    local = _integrate(manoeuvres, heading, way, start, knots)
-    course = _course(manoeuvres, heading, knots)
+
+    def velocity(time: FloatArray) -> FloatArray:
+        there = course_along(manoeuvres, heading, time)
+        return course_velocity(there, way.angles(there.distance)[0])
+
+    local = integrate_velocity(velocity, start, knots)
+    course = course_along(manoeuvres, heading, knots)
     grade, bank = way.angles(course.distance)
-    roll = bank - springs.roll_gradient * course.speed * course.heading_rate
-    pitch = grade + springs.pitch_gradient * course.acceleration
-    return fit_local_profile(knots, local, np.stack([roll, pitch, course.heading], axis=-1), start)
+    roll, pitch = springs.lean(course.acceleration, course.speed * course.heading_rate)
+    euler = np.stack([bank + roll, grade + pitch, course.heading], axis=-1)
+    return fit_local_profile(knots, local, euler, start)
