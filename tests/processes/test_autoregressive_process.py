@@ -53,7 +53,7 @@ def test_companion_is_the_recursion_with_the_newest_sample_as_output() -> None:
     assert after[2] == pytest.approx(-(a[0] * 2.0 + a[1] * -1.0 + a[2] * 0.3))
     assert float(space.output @ after) == after[2]
     noise = np.zeros((3, 3))
-    noise[2, 2] = process.variance
+    noise[2, 2] = process.driving_variance
     np.testing.assert_array_equal(space.noise_covariance, noise)
     assert space.drift is None
     assert space.blocks == (slice(0, 3),)
@@ -125,11 +125,11 @@ def test_spectrum_integrates_to_the_variance(process: Autoregressive) -> None:
 
 
 def test_innovation_floor_is_the_driving_variance(process: Autoregressive) -> None:
-    assert process.innovation_variance(DT) == process.variance
+    assert process.innovation_variance(DT) == process.driving_variance
     f = (np.arange(200_000) + 0.5) / 400_000
     floor = math.exp(float(np.log(process.sampled_psd(f, DT)).mean()))
-    assert floor == pytest.approx(process.variance, rel=1e-6)
-    assert process.innovation_variance(5 * DT) > process.variance
+    assert floor == pytest.approx(process.driving_variance, rel=1e-6)
+    assert process.innovation_variance(5 * DT) > process.driving_variance
 
 
 def test_innovation_variance_at_a_multiple_is_the_spectral_floor() -> None:

@@ -6,10 +6,13 @@ import math
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from schuler.errors import InputError, ModelError, SchulerError, UnitError
 from schuler.processes import (
+    ARMA,
+    Autoregressive,
     BiasInstability,
     GaussMarkov,
     NoiseModel,
@@ -164,3 +167,29 @@ def test_models_that_cannot_be_are_refused() -> None:
 def test_model_travels_between_processes() -> None:
     back = pickle.loads(pickle.dumps(MODEL))
     assert back.process("gyro_x") == MODEL.process("gyro_x")
+
+
+def test_time_series_models_keep_every_digit(tmp_path: Path) -> None:
+    near_unit_root = tuple(np.poly([0.9991, 0.9993, 0.57])[1:].tolist())
+    model = NoiseModel(
+        {
+            "gyro_x": WhiteNoise(1e-3) + Autoregressive(near_unit_root, 2.7e-13, 0.01),
+            "accel_x": ARMA((1.666, -0.671), (-1.086, 0.160), 1e-6, 0.005),
+        },
+        rate=100.0,
+    )
+    file = tmp_path / "noise.yaml"
+    model.save(file)
+    read = NoiseModel.load(file)
+    series = read.process("gyro_x").parts[1]
+    assert isinstance(series, Autoregressive)
+    assert series.coefficients == near_unit_root
+    assert (series.driving_variance, series.interval) == (2.7e-13, 0.01)
+    other = read.process("accel_x").parts[0]
+    assert isinstance(other, ARMA)
+    assert (other.phi, other.theta) == ((1.666, -0.671), (-1.086, 0.160))
+    assert other.interval == 0.005
+    bad = file.read_text(encoding="utf-8").replace("phi: [1.666, -0.671]", "phi: 1.666")
+    file.write_text(bad, encoding="utf-8")
+    with pytest.raises(SchulerError, match=r"noise.yaml.*arma.phi.*list"):
+        NoiseModel.load(file)

@@ -29,9 +29,9 @@ class Autoregressive(Process):
     ----------
     coefficients : tuple of float
         a_1 .. a_p of A(z) = 1 + a_1 z^-1 + ... + a_p z^-p (spec 0).
-    variance : float
+    driving_variance : float
         Variance of the innovations e in u²: the mean squared one-step error.
-    dt : float
+    interval : float
         The sample interval in s that the coefficients belong to. Whole multiples of it can be
         asked for as well; nothing else exists (spec 12, mistake 4).
 
@@ -47,15 +47,17 @@ class Autoregressive(Process):
     """
 
     coefficients: tuple[float, ...]
-    variance: float
-    dt: float
+    driving_variance: float
+    interval: float
     kind: ClassVar[str] = "autoregressive"
 
     def __post_init__(self) -> None:
         numbers = tuple(float(a) for a in self.coefficients)
         object.__setattr__(self, "coefficients", numbers)
-        object.__setattr__(self, "variance", not_negative(self.variance, "innovation variance"))
-        object.__setattr__(self, "dt", positive(self.dt, "sample interval dt"))
+        object.__setattr__(
+            self, "driving_variance", not_negative(self.driving_variance, "innovation variance")
+        )
+        object.__setattr__(self, "interval", positive(self.interval, "sample interval"))
         if not numbers:
             raise ModelError("an autoregressive process of order zero", cure="use WhiteNoise")
         if not all(math.isfinite(a) for a in numbers):
@@ -77,7 +79,7 @@ class Autoregressive(Process):
     def parameters(self) -> dict[str, float]:
         """a_1 .. a_p, variance and dt."""
         named = {f"a_{k}": a for k, a in enumerate(self.coefficients, 1)}
-        return {**named, "variance": self.variance, "dt": self.dt}
+        return {**named, "driving_variance": self.driving_variance, "interval": self.interval}
 
     @property
     def polynomial(self) -> FloatArray:
@@ -97,12 +99,12 @@ class Autoregressive(Process):
 
     def _steps(self, time: ArrayLike, what: str) -> FloatArray:
         """Turn times into whole numbers of the own interval, or refuse."""
-        ratio = np.asarray(time, dtype=np.float64) / self.dt
+        ratio = np.asarray(time, dtype=np.float64) / self.interval
         whole = np.round(ratio)
         if not (np.abs(ratio - whole) <= _WHOLE * np.maximum(1.0, np.abs(whole))).all():
             raise ModelError(
-                f"{what} is no whole multiple of the interval {self.dt:g} s of an autoregressive "
-                "process",
+                f"{what} is no whole multiple of the interval {self.interval:g} s of an "
+                "autoregressive process",
                 cure="fit the process again at the wanted rate",
             )
         return np.asarray(whole)
@@ -111,7 +113,7 @@ class Autoregressive(Process):
         steps = int(self._steps(positive(dt, "dt"), f"the step {dt:g} s"))
         if steps < 1:
             raise ModelError(
-                f"the step {dt:g} s is shorter than the interval {self.dt:g} s of an "
+                f"the step {dt:g} s is shorter than the interval {self.interval:g} s of an "
                 "autoregressive process",
                 cure="fit the process again at the wanted rate",
             )
@@ -121,7 +123,7 @@ class Autoregressive(Process):
         """R(0) .. R(count - 1) at multiples of the own interval."""
         from scipy.signal import lfilter
 
-        first = autocovariance_from_reflection(self.reflection, self.variance)[0]
+        first = autocovariance_from_reflection(self.reflection, self.driving_variance)[0]
         out = np.zeros(max(count, self.order + 1))
         out[: self.order + 1] = first
         if out.size > self.order + 1:
@@ -142,7 +144,7 @@ class Autoregressive(Process):
         """
         clusters = self._steps(positive_array(tau, "cluster time"), "a cluster time")
         if (clusters < 1).any():
-            raise ModelError(f"a cluster time is shorter than the interval {self.dt:g} s")
+            raise ModelError(f"a cluster time is shorter than the interval {self.interval:g} s")
         flat = clusters.ravel()
         twice = np.concatenate([flat, 2.0 * flat])
         unique, where = np.unique(twice, return_inverse=True)
@@ -161,7 +163,7 @@ class Autoregressive(Process):
         m = lengths[short].astype(np.int64)
         out[short] = 2.0 * (m * plain[m - 1] - weighted[m - 1]) - m * r[0]
         if (~short).any():
-            space = self.state_space(self.dt)
+            space = self.state_space(self.interval)
             one = np.eye(self.order)
             resolvent = np.linalg.inv(one - space.transition)
             for j in np.flatnonzero(~short):
@@ -174,8 +176,8 @@ class Autoregressive(Process):
 
     def psd(self, frequency: ArrayLike, *, onesided: bool) -> FloatArray:
         """Return variance dt/|A(exp(j 2 pi f dt))|² (two-sided); periodic past Nyquist."""
-        cycles = np.asarray(frequency, dtype=np.float64) * self.dt
-        return self.sampled_psd(cycles, self.dt) * self.dt * (2.0 if onesided else 1.0)
+        cycles = np.asarray(frequency, dtype=np.float64) * self.interval
+        return self.sampled_psd(cycles, self.interval) * self.interval * (2.0 if onesided else 1.0)
 
     def sampled_psd(self, cycles: ArrayLike, dt: float) -> FloatArray:
         """variance/|A|²; at a multiple of dt the mean over the aliases."""
@@ -184,7 +186,7 @@ class Autoregressive(Process):
         total = np.zeros(wanted.shape)
         for alias in range(step):
             angle = np.exp(-2j * np.pi * (wanted + alias) / step)
-            total += self.variance / np.abs(np.polyval(self.polynomial[::-1], angle)) ** 2
+            total += self.driving_variance / np.abs(np.polyval(self.polynomial[::-1], angle)) ** 2
         return total / step
 
     def autocovariance(self, lag: ArrayLike) -> FloatArray:
@@ -218,7 +220,7 @@ class Autoregressive(Process):
         transition, noise = np.eye(p), np.zeros((p, p))
         for _ in range(steps):
             noise = companion @ noise @ companion.T
-            noise[-1, -1] += self.variance
+            noise[-1, -1] += self.driving_variance
             transition = companion @ transition
         r = self._autocovariances(p)
         output = np.zeros(p)
@@ -244,21 +246,21 @@ class Autoregressive(Process):
             return np.zeros(0)
         length = max((n - 1) * step + 1, self.order + 1)
         drive = rng.standard_normal(length)
-        error = autocovariance_from_reflection(self.reflection, self.variance)[1]
+        error = autocovariance_from_reflection(self.reflection, self.driving_variance)[1]
         rows = step_up(self.reflection)
         first = np.zeros(self.order)
         for k in range(self.order):
             foreseen = -rows[k - 1, :k] @ first[:k][::-1] if k else 0.0
             first[k] = foreseen + math.sqrt(error[k]) * drive[k]
         start = _filter_state(np.array(self.coefficients), first[::-1])
-        rest = math.sqrt(self.variance) * drive[self.order :]
+        rest = math.sqrt(self.driving_variance) * drive[self.order :]
         tail = lfilter([1.0], self.polynomial, rest, zi=start)[0]
         return np.concatenate([first, tail])[: (n - 1) * step + 1 : step].copy()
 
     def innovation_variance(self, dt: float) -> float:
         """The own variance; at a multiple of dt that of the steady Kalman filter."""
-        if self._multiple(dt) == 1 or self.variance == 0.0:
-            return self.variance
+        if self._multiple(dt) == 1 or self.driving_variance == 0.0:
+            return self.driving_variance
         space = self.state_space(dt)
         covariance, before = space.initial_covariance, math.inf
         for _ in range(_KALMAN_STEPS):

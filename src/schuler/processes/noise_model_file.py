@@ -10,6 +10,8 @@ from typing import Any, Literal
 
 from schuler.data.imu import CHANNELS
 from schuler.errors import InputError, SchulerError
+from schuler.processes.arma import ARMA
+from schuler.processes.autoregressive import Autoregressive
 from schuler.processes.base import Process
 from schuler.processes.drifts import RandomWalk, RateRamp, Sinusoid, TurnOnBias
 from schuler.processes.gauss_markov import BiasInstability, GaussMarkov
@@ -29,8 +31,13 @@ PROCESSES: dict[str, type[Process]] = {
         RateRamp,
         Sinusoid,
         TurnOnBias,
+        Autoregressive,
+        ARMA,
     )
 }
+# rounded coefficients are another process (E-004-10): these are written with all digits, and
+# their driving variance, which belongs to one interval only, in SI
+_SERIES = {"autoregressive": ("coefficients",), "arma": ("phi", "theta")}
 _KINDS = {
     "white_noise.density": "{} white noise",
     "quantization.step_density": "{} quantization",
@@ -47,6 +54,8 @@ _KINDS = {
     "sinusoid.amplitude": "{} bias",
     "sinusoid.frequency": "frequency",
     "sinusoid.phase": "angle",
+    "autoregressive.interval": "time",
+    "arma.interval": "time",
 }
 _MEANINGS = {
     "white_noise": "noise density N: angle or velocity random walk",
@@ -57,6 +66,8 @@ _MEANINGS = {
     "rate_ramp": "steady drift",
     "turn_on_bias": "constant, new at every start",
     "sinusoid": "periodic error",
+    "autoregressive": "a_1 .. a_p of 1 + a_1 z^-1 + ..., at one sample interval only",
+    "arma": "phi and theta as in x = phi x + e + theta e, at one sample interval only",
 }
 _DEFAULTS = {
     f"{kind}.{f.name}": f.default
@@ -121,6 +132,9 @@ def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> st
         lines.append(f"  {channel}:")
         for name, part in zip(process.names, process.parts, strict=True):
             lines.append(f"    - {part.kind}:  # {_MEANINGS[part.kind]}")
+            if part.kind in _SERIES:
+                lines += _series_text(part)
+                continue
             lines += [
                 f"        {key}: {_text(channel, f'{name}.{key}', value, errors, units)}"
                 for key, value in part.parameters.items()
@@ -135,6 +149,18 @@ def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> st
                     f"    {key}: {_text(channel, key, v, {}, units)}" for key, v in limits.items()
                 ]
     return "\n".join(lines) + "\n"
+
+
+def _series_text(part: Process) -> list[str]:
+    lines = []
+    for field in fields(part):  # type: ignore[arg-type]
+        value = getattr(part, field.name)
+        if field.name in _SERIES[part.kind]:
+            lines.append(f"        {field.name}: [{', '.join(repr(float(v)) for v in value)}]")
+        else:
+            unit = " s" if field.name == "interval" else ""
+            lines.append(f"        {field.name}: {float(value)!r}{unit}")
+    return lines
 
 
 def _text(channel: str, key: str, value: float, errors: Mapping[str, float], units: str) -> str:
@@ -287,6 +313,9 @@ def _read_process(
     numbers: dict[str, Any] = {}
     errors: dict[str, float] = {}
     for name, value in content.items():
+        if name in _SERIES.get(kind, ()):
+            numbers[name] = _coefficients(value, f"{where}.{name}")
+            continue
         unit_kind = parameter_kind(channel, f"{kind}.{name}")
         numbers[name], error = _number(value, unit_kind, f"{where}.{name}")
         if error is not None:
@@ -295,6 +324,12 @@ def _read_process(
         return cls(**numbers), errors
     except SchulerError as error:
         raise InputError(error.found, expected=error.expected, where=where) from None
+
+
+def _coefficients(value: Any, where: str) -> tuple[float, ...]:
+    if not isinstance(value, list):
+        raise InputError("no list stands here", expected="coefficients in [ ]", where=where)
+    return tuple(_number(v, None, where)[0] for v in value)
 
 
 def _limit_kind(channel: str, key: str, where: str) -> str:
@@ -330,7 +365,7 @@ def _one(value: Any, kind: str | None) -> float:
         plain = None
     if plain is None:
         if kind is None:
-            raise InputError(f"'{value}' is not a number", expected="a whole number")
+            raise InputError(f"'{value}' is not a number", expected="a plain number")
         return parse(value, kind)
     if plain - plain != 0.0:
         raise InputError(f"'{value}' is not finite", expected="a finite number")
