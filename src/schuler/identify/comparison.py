@@ -237,14 +237,16 @@ def compare_methods(
     failures: dict[str, str] = {}
     shared: Process | None = None
     shortest: float | None = None
-    structure = "each method chose its own"
+    structure = "each method chose its own" if model in ("shared", "auto") else "as given"
     for method in wanted:
         if told is not None:
             told(method)
         use: Any = "auto" if isinstance(model, str) and model == "shared" else model
         if method not in _FIT_A_MODEL:
             use = "auto"
-        elif isinstance(model, str) and model == "shared":
+        elif isinstance(model, Process):
+            use = shared_structure(model, method) or "auto"
+        elif model == "shared":
             use = shared_structure(shared, method) or "auto"
         try:
             results[method] = identify(

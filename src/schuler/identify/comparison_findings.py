@@ -124,6 +124,7 @@ def findings_of(
     lines = [
         *_agreement(parameters),
         *_misfit(results),
+        *_spectral_lines(spectrum),
         *_crossing(name, curve, results),
         *_robust(name, results),
     ]
@@ -156,7 +157,7 @@ def _agreement(parameters: Sequence[ParameterAgreement]) -> list[str]:
     return [f"methods differ, in combined standard deviations: {'; '.join(told)}"]
 
 
-_VOTERS = ("allan", "psd", "gmwm", "gmwm-robust", "ml")
+_VOTERS = ("allan", "psd", "gmwm", "ml")
 
 
 def _misfit(results: Results) -> list[str]:

@@ -12,8 +12,9 @@ from schuler.processes import GaussMarkov, Process, ProcessSum
 
 AGREE = 2.0
 """Largest difference in combined standard deviations that counts as agreement."""
-READINGS = ("slope", "autocorrelation")
-"""Methods that are shown beside the others but have no say in the verdict."""
+READINGS = ("slope", "autocorrelation", "gmwm-robust")
+"""Methods that are shown beside the others but have no say in the verdict: two read one curve,
+and the robust one asks for the bulk of the samples, which outliers set apart from all of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from schuler.identify.comparison import ImuMethodComparison, MethodComparison
 from schuler.identify.comparison_curves import Theory
-from schuler.identify.comparison_parameters import READINGS, ParameterAgreement
+from schuler.identify.comparison_parameters import ParameterAgreement
 from schuler.identify.door import METHODS
 from schuler.report.blocks import (
     Block,
@@ -214,8 +214,9 @@ def parameter_table(channels: Channels) -> Table:
         tuple(rows),
         words=(0, 1, 2),
         note="Apart: the largest difference between any two methods that fit a structure, in "
-        f"combined standard deviations ({' and '.join(READINGS)} are readings of one curve and "
-        "have no say). The methods share their data, so that differences are more significant "
+        "combined standard deviations (slope and autocorrelation are readings of one curve, "
+        "gmwm-robust asks for the bulk of the samples: they have no say). The methods share their "
+        "data, so that differences are more significant "
         f"than this number says. Structure: {'; '.join(sorted(structures))}.",
     )
 

@@ -88,8 +88,8 @@ def _figures(parameters: list[PooledParameter], names: tuple[str, ...]) -> Figur
         tuple(figures),
         tuple(legend),
         columns=3,
-        caption="Every run with its standard error (twice, as bars); the last place is the pooled "
-        "value.",
+        caption="Every run with its standard error (twice, as bars; those that say next to nothing "
+        "may leave the picture); the last place is the pooled value.",
     )
 
 
@@ -103,7 +103,8 @@ def _figure(p: PooledParameter, names: tuple[str, ...], methods: list[str]) -> F
         values.append((pooled.value, pooled.standard_error))
         place = np.arange(1, len(values) + 1) + 0.14 * (k - 0.5 * (len(p.pooled) - 1))
         y = np.array([v for v, _ in values]) / factor
-        bar = 2.0 * np.minimum(np.array([e for _, e in values]) / factor, np.abs(y))
+        error = np.array([e for _, e in values]) / factor
+        bar = 2.0 * np.minimum(error, np.abs(y))
         colour = COLOURS.get(method, "@other")
         trace = marks(place, y, colour, method, size=5)
         trace["error_y"] = {
@@ -114,7 +115,7 @@ def _figure(p: PooledParameter, names: tuple[str, ...], methods: list[str]) -> F
             "width": 0,
         }
         traces.append(trace)
-        sure = bar < 3.0 * np.abs(y)
+        sure = error < 0.4 * np.abs(y)
         ends += [*(y - bar)[sure], *(y + bar)[sure]]
     ticks = {"tickvals": list(range(1, len(names) + 2)), "ticktext": [*_short(names), "all"]}
     return Figure(
@@ -123,7 +124,7 @@ def _figure(p: PooledParameter, names: tuple[str, ...], methods: list[str]) -> F
         tuple(traces),
         {
             "xaxis": axis("run", limits=(0.4, len(names) + 1.6)) | ticks,
-            "yaxis": axis(f"{words}{unit and f' in {unit}'}", limits=limits(ends)),
+            "yaxis": axis(f"{words}{unit and f' in {unit}'}", limits=limits(ends or [0.0, 1.0])),
         },
         height=230,
     )

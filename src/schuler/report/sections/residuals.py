@@ -59,6 +59,7 @@ def _drawn(comparison: MethodComparison) -> list[str]:
     return shown
 
 
+_MOST_ROWS = 45
 _COLOURS = ("@data", "@mark")
 
 
@@ -83,9 +84,9 @@ def _correlations(channels: Channels, drawn: dict[str, list[str]]) -> FigureGrid
         for method in drawn[name]:
             left = c.residuals[method]
             lags = np.arange(1, left.correlation.size + 1)
-            if not traces:
-                traces += band(lags, -left.robust_band, left.robust_band, "@data/0.22", "95 %")
-                values.append(left.robust_band)
+            shade = f"{_colour(method)}/0.18"
+            traces += band(lags, -left.robust_band, left.robust_band, shade, f"95 %, {method}")
+            values.append(left.robust_band)
             shift = 0.0 if method in _STRUCTURES else 0.25
             traces.append(marks(lags + shift, left.correlation, _colour(method), method, size=4.5))
             values.append(left.correlation)
@@ -170,6 +171,7 @@ def _tests(channels: Channels) -> Table:
         ),
         tuple(rows),
         words=(0, 1, 2, 8),
+        folded=len(rows) > _MOST_ROWS,
         note="Step: what is predicted, the next sample or the next mean, where fast times were "
         "left out of the fit. Ljung-Box: 20 lags beyond the fitted ones; robust: whatever the "
         "variance does; "
