@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from schuler.data.imu import ImuRecording
+from schuler.denoise import allan_effect, denoise
 from schuler.identify.comparison import ImuMethodComparison, compare_methods, compare_methods_imu
 from schuler.identify.replicate_comparison import compare_replicates
 from schuler.processes import RandomWalk, WhiteNoise
-from schuler.report import Table, render_report
+from schuler.report import FigureGrid, Table, render_report
 from schuler.report.page import plotly_script
 from schuler.report.sections import sections_of
+from schuler.report.sections.denoising import denoising_section
 from schuler.report.sections.method_words import quantity
 from schuler.report.sections.residuals import probability
 
@@ -202,3 +204,23 @@ def test_probabilities_are_short() -> None:
     assert probability(0.0342) == "0.034"
     assert probability(3e-9) == "< 10⁻⁶"
     assert probability(4e-4) == "4·10⁻⁴"
+
+
+def test_denoising_shows_both_curves_and_its_levels() -> None:
+    rng = np.random.default_rng(2)
+    signal = N["gyro"] * math.sqrt(RATE) * rng.standard_normal(16_384)
+    denoised = denoise(signal, level=4, rate=RATE, details="zero")
+    effect = allan_effect(signal, RATE, denoised)
+    section = denoising_section(effect, denoised, "gyro_x")
+    figure = next(b for b in section.blocks if isinstance(b, FigureGrid)).figures[0]
+    drawn = {t["name"]: numbers(t["y"]) for t in figure.traces}
+    per = math.radians(1.0) / 3600.0
+    assert drawn["before"] == pytest.approx(effect.raw.deviation / per, rel=1e-5)
+    assert drawn["after"][0] < 0.2 * drawn["before"][0]
+    assert drawn["after"][-1] == pytest.approx(drawn["before"][-1], rel=0.03)
+    table = next(b for b in section.blocks if isinstance(b, Table))
+    assert next(r[1] for r in table.rows) == "5.00 to 10.0"
+    assert {r[3] for r in table.rows} == {"all removed"}
+    assert {r[4] for r in table.rows} == {"0 %"}
+    text = render_report(effect, denoised, title="De-noising")
+    assert "keep the white noise density N" in text

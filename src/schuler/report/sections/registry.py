@@ -15,6 +15,7 @@ _HOMES = {
     "schuler.identify": "characterization",
     "schuler.identify.comparison": "methods",
     "schuler.identify.replicate_comparison": "replicates",
+    "schuler.denoise": "denoising",
     "schuler.evaluate": "outages",
     "schuler.report.sections.navigation": "navigation",
     "schuler.report.sections.outages": "outages",
