@@ -149,8 +149,8 @@ def _levels(found: Denoised) -> tuple[Block, ...]:
         (
             "level",
             f"band in {'Hz' if rate else 'cycles a sample'}",
-            "noise scale",
-            "threshold",
+            "noise scale (signal)",
+            "threshold (signal)",
             "kept",
         ),
         tuple(rows),
