@@ -1,39 +1,99 @@
 """Twins of real recordings: known motion, and what IMU and GNSS would have recorded on it."""
 
+from schuler.simulate.array import simulate_array
 from schuler.simulate.cars import car_mixed, car_urban
 from schuler.simulate.drives import Balance, Manoeuvre, Road, Suspension, drive
+from schuler.simulate.effects import ManoeuvreNoise, TemperatureDrift, warm_up
+from schuler.simulate.faults import (
+    DropOut,
+    Fault,
+    FaultEntry,
+    NoiseBurst,
+    RampFault,
+    SampleSlip,
+    StepFault,
+    StuckFault,
+    TimeJump,
+    inject_faults,
+)
 from schuler.simulate.flying import drone
 from schuler.simulate.gnss import antenna_motion, simulate_gnss
 from schuler.simulate.imu import TriadErrors, ideal_imu, simulate_imu, simulate_static
 from schuler.simulate.profile import Motion, Profile, fit_profile, from_waypoints, static
+from schuler.simulate.receivers import (
+    DIFFERENTIAL_CODE,
+    L1_CODE,
+    RTK_FIXED,
+    GnssGrade,
+    simulate_receiver,
+)
+from schuler.simulate.reference import tactical_grade_noise
 from schuler.simulate.riding import motorcycle
+from schuler.simulate.size_effect import add_size_effect, arm_tensor
 from schuler.simulate.skiing import ski
+from schuler.simulate.stamps import StampErrors, box_car, box_car_gain, restamp
 from schuler.simulate.tracks import from_track
+from schuler.simulate.vibration import (
+    Vibration,
+    add_vibration,
+    engine_turning_rate,
+    wheel_turning_rate,
+)
 from schuler.simulate.walking import Gait, walk
 
 __all__ = [
+    "DIFFERENTIAL_CODE",
+    "L1_CODE",
+    "RTK_FIXED",
     "Balance",
+    "DropOut",
+    "Fault",
+    "FaultEntry",
     "Gait",
+    "GnssGrade",
     "Manoeuvre",
+    "ManoeuvreNoise",
     "Motion",
+    "NoiseBurst",
     "Profile",
+    "RampFault",
     "Road",
+    "SampleSlip",
+    "StampErrors",
+    "StepFault",
+    "StuckFault",
     "Suspension",
+    "TemperatureDrift",
+    "TimeJump",
     "TriadErrors",
+    "Vibration",
+    "add_size_effect",
+    "add_vibration",
     "antenna_motion",
+    "arm_tensor",
+    "box_car",
+    "box_car_gain",
     "car_mixed",
     "car_urban",
     "drive",
     "drone",
+    "engine_turning_rate",
     "fit_profile",
     "from_track",
     "from_waypoints",
     "ideal_imu",
+    "inject_faults",
     "motorcycle",
+    "restamp",
+    "simulate_array",
     "simulate_gnss",
     "simulate_imu",
+    "simulate_receiver",
     "simulate_static",
     "ski",
     "static",
+    "tactical_grade_noise",
     "walk",
+    "warm_up",
+    "wheel_turning_rate",
 ]

@@ -69,10 +69,13 @@ def simulate_gnss(
     lever_arm: ArrayLike = (0.0, 0.0, 0.0),
     start: float | None = None,
     correlation_time: float | None = None,
+    correlated_sd: ArrayLike | None = None,
     latency: float = 0.0,
     velocity_latency: float | None = None,
     claimed_scale: float = 1.0,
     outages: Sequence[tuple[float, float]] = (),
+    outlier_rate: float = 0.0,
+    outlier_size: float = 50.0,
     name: str = "simulated",
 ) -> GnssRecording:
     """Return what a GNSS receiver records on a known motion.
@@ -98,14 +101,21 @@ def simulate_gnss(
     correlation_time : float, optional
         Seconds: position noise becomes a Gauss-Markov process of the same standard deviation.
         White if not given. The velocity noise is white.
+    correlated_sd : float or (3,) array_like, optional
+        Like `position_sd`, of a part with the correlation time beside a white part of
+        `position_sd`.
     latency : float
         Seconds by which positions are late: the one stamped t belongs to t - latency.
     velocity_latency : float, optional
         Likewise of velocities; that of the positions if not given.
     claimed_scale : float
-        The receiver reports this times the true standard deviations.
+        The receiver reports this times the true standard deviations (of both parts together).
     outages : sequence of (start, seconds)
         Epochs with start <= time < start + seconds are missing.
+    outlier_rate : float
+        Share of the epochs whose position is far off.
+    outlier_size : float
+        How far, m, in a direction drawn at random in space. The receiver does not notice.
     name : str
         Name of the recording.
 
@@ -117,7 +127,8 @@ def simulate_gnss(
     Raises
     ------
     InputError
-        Rate, standard deviations, correlation time or scale not positive, or no epoch is left.
+        Rate, standard deviations, correlation time or scale not positive, a share of outliers
+        that is none, a correlated part without a time, or no epoch is left.
     """
     late = latency if velocity_latency is None else velocity_latency
     first = profile.start + max(latency, late, 0.0) if start is None else start
@@ -133,9 +144,16 @@ def simulate_gnss(
     sd = _deviations(position_sd, "position")
     children = rng.spawn(6)
     position, _ = antenna_motion(profile, time - latency, lever_arm)
-    noise = sd * np.stack(
-        [_unit_noise(count, 1.0 / rate, correlation_time, child) for child in children[:3]], axis=-1
-    )
+    whole = correlation_time if correlated_sd is None else None
+    noise = sd * _unit_noises(count, 1.0 / rate, whole, children[:3])
+    if correlated_sd is not None:
+        if correlation_time is None:
+            raise InputError("a correlated part of the noise", expected="a correlation time for it")
+        slow_sd = _deviations(correlated_sd, "correlated position")
+        noise += slow_sd * _unit_noises(count, 1.0 / rate, correlation_time, rng.spawn(3))
+        sd = np.hypot(sd, slow_sd)
+    if outlier_rate != 0.0:
+        noise += _outliers(count, outlier_rate, outlier_size, rng.spawn(1)[0])
     north, east = earth.metres_per_radian(position)
     position = position + noise / np.stack([north, east, -np.ones(count)], axis=-1)
     velocity = speed_sd = None
@@ -170,6 +188,28 @@ def _deviations(values: ArrayLike, what: str) -> FloatArray:
             expected="one positive number, or three: north, east, down",
         )
     return sd
+
+
+def _outliers(count: int, share: float, size: float, rng: np.random.Generator) -> FloatArray:
+    """Displacements north, east, down, most of them zero."""
+    if not (0.0 <= share <= 1.0 and size > 0.0):
+        raise InputError(
+            f"a share of {share:g} of outliers of {size:g} m",
+            expected="a share between 0 and 1 and a positive size",
+        )
+    chosen = rng.random(count) < share
+    direction = rng.standard_normal((count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    return np.asarray(chosen[:, None] * size * direction)
+
+
+def _unit_noises(
+    count: int,
+    dt: float,
+    correlation_time: float | None,
+    children: Sequence[np.random.Generator],
+) -> FloatArray:
+    return np.stack([_unit_noise(count, dt, correlation_time, c) for c in children], axis=-1)
 
 
 def _unit_noise(

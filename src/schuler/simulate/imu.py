@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError
+from schuler.simulate.effects import ManoeuvreNoise, TemperatureDrift
 from schuler.simulate.profile import Profile, static
 
 if TYPE_CHECKING:
@@ -117,9 +118,15 @@ def simulate_imu(
     *,
     gyro_errors: TriadErrors | None = None,
     accel_errors: TriadErrors | None = None,
+    g_sensitivity: ArrayLike | None = None,
+    temperature_drift: TemperatureDrift | None = None,
+    manoeuvre_noise: ManoeuvreNoise | None = None,
     name: str = "simulated",
 ) -> ImuRecording:
     """Return an error-free recording with the errors of a sensor added.
+
+    What the body does besides its profile (`add_vibration`, `add_size_effect`) is added before;
+    what the device does with its samples (`box_car`, `restamp`) comes after.
 
     Parameters
     ----------
@@ -133,6 +140,12 @@ def simulate_imu(
         keeps its noise when the process of another changes.
     gyro_errors, accel_errors : TriadErrors, optional
         Bias, scale factor, misalignment, saturation and rounding.
+    g_sensitivity : (3, 3) array_like, optional
+        What the gyros show of the true specific force, rad/s per m/s²; row: gyro, column: force.
+    temperature_drift : TemperatureDrift, optional
+        Needs a recording with temperatures (`dataclasses.replace(ideal, temperature=...)`).
+    manoeuvre_noise : ManoeuvreNoise, optional
+        White noise that follows the true motion.
     name : str
         Name of the recording.
 
@@ -144,8 +157,33 @@ def simulate_imu(
     Raises
     ------
     InputError
-        The recording is not evenly sampled.
+        The recording is not evenly sampled, or there are no temperatures to follow.
     """
+    dt = _even_step(ideal)
+    added_gyro, added_accel = np.zeros((ideal.size, 3)), np.zeros((ideal.size, 3))
+    children = rng.spawn(len(CHANNELS))
+    for k, channel in enumerate(CHANNELS):
+        if noise_model is not None and channel in noise_model.processes:
+            noise = noise_model.process(channel).simulate(ideal.size, dt, children[k])
+            (added_gyro if k < 3 else added_accel)[:, k % 3] += noise
+    if g_sensitivity is not None:
+        added_gyro += ideal.accel @ _square(g_sensitivity).T
+    if temperature_drift is not None:
+        drifts = temperature_drift.biases(_temperature(ideal))
+        added_gyro, added_accel = added_gyro + drifts[0], added_accel + drifts[1]
+    if manoeuvre_noise is not None:
+        extra = manoeuvre_noise.draw(ideal, dt, rng.spawn(1)[0])
+        added_gyro, added_accel = added_gyro + extra[0], added_accel + extra[1]
+    return replace(
+        ideal,
+        gyro=_measured(ideal.gyro, added_gyro, gyro_errors or TriadErrors()),
+        accel=_measured(ideal.accel, added_accel, accel_errors or TriadErrors()),
+        name=name,
+        history=(*ideal.history, "sensor errors added"),
+    )
+
+
+def _even_step(ideal: ImuRecording) -> float:
     steps = np.diff(ideal.time)
     dt = ideal.duration / (ideal.size - 1)
     if np.abs(steps - dt).max() > 1e-3 * dt:
@@ -153,22 +191,30 @@ def simulate_imu(
             f"steps between {steps.min():.6g} and {steps.max():.6g} s",
             expected="an evenly sampled recording to add noise to",
         )
-    triads = []
-    children = rng.spawn(len(CHANNELS))
-    for first, truth, errors in (
-        (0, ideal.gyro, gyro_errors or TriadErrors()),
-        (3, ideal.accel, accel_errors or TriadErrors()),
-    ):
-        matrix = np.asarray(errors.matrix, dtype=np.float64)
-        values = truth + truth @ matrix.T + np.asarray(errors.bias, dtype=np.float64)
-        for j in range(3):
-            channel = CHANNELS[first + j]
-            if noise_model is not None and channel in noise_model.processes:
-                process = noise_model.process(channel)
-                values[:, j] += process.simulate(ideal.size, dt, children[first + j])
-        triads.append(_digitize(values, errors))
-    history = (*ideal.history, "sensor errors added")
-    return ImuRecording(ideal.time, triads[0], triads[1], name=name, history=history)
+    return dt
+
+
+def _square(matrix: ArrayLike) -> FloatArray:
+    values = np.asarray(matrix, dtype=np.float64)
+    if values.shape != (3, 3):
+        raise InputError(f"g-sensitivity of shape {values.shape}", expected="(3, 3)")
+    return values
+
+
+def _temperature(ideal: ImuRecording) -> FloatArray:
+    if ideal.temperature is None:
+        raise InputError(
+            f"recording '{ideal.name}' has no temperature for the drift to follow",
+            expected="one for each sample",
+            cure="set it with dataclasses.replace(recording, temperature=warm_up(recording.time))",
+        )
+    return ideal.temperature
+
+
+def _measured(truth: FloatArray, added: FloatArray, errors: TriadErrors) -> FloatArray:
+    matrix = np.asarray(errors.matrix, dtype=np.float64)
+    bias = np.asarray(errors.bias, dtype=np.float64)
+    return _digitize(truth + truth @ matrix.T + bias + added, errors)
 
 
 def _digitize(values: FloatArray, errors: TriadErrors) -> FloatArray:
