@@ -197,7 +197,10 @@ def test_runs_that_differ_are_told() -> None:
     together = compare_replicates(runs, ["first", "second"])
     white = next(p for p in together.parameters if p.channel == "gyro_x")
     assert not white.shared
-    assert any("gyro_x, white noise N: from run to run" in f for f in together.findings)
+    told = [f for f in together.findings if f.startswith("gyro_x: from run to run")]
+    assert len(told) == 1
+    # 20 % apart: a scatter of ln(1.2)/sqrt(2) about the mean
+    assert float(told[0].split(" by ")[1].split(" %")[0]) == pytest.approx(12.9, rel=0.15)
 
 
 def test_probabilities_are_short() -> None:

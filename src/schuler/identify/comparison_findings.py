@@ -142,8 +142,9 @@ def _agreement(parameters: Sequence[ParameterAgreement]) -> list[str]:
     if not apart:
         worst = max(judged, key=lambda p: p.worst)
         methods = list(dict.fromkeys(m for p in judged for m in p.values if m in _VOTERS))
+        what = f"all {len(judged)} parameters" if len(judged) > 1 else "the parameter"
         return [
-            f"{', '.join(methods)} agree within their errors on all {len(judged)} parameters they "
+            f"{', '.join(methods)} agree within their errors on {what} they "
             f"share; the largest difference is {worst.worst:.1f} combined standard deviations "
             f"({words_of(worst.parameter)})"
         ]

@@ -12,6 +12,8 @@ from schuler.processes import GaussMarkov, Process, ProcessSum
 
 AGREE = 2.0
 """Largest difference in combined standard deviations that counts as agreement."""
+_NOTHING = 2.0
+"""An error so many times the value says that the fit put the term at zero."""
 READINGS = ("slope", "autocorrelation", "gmwm-robust")
 """Methods that are shown beside the others but have no say in the verdict: two read one curve,
 and the robust one asks for the bulk of the samples, which outliers set apart from all of them."""
@@ -74,7 +76,7 @@ def comparable(result: MethodResult) -> dict[str, tuple[float, float]]:
     Returns
     -------
     dict of str to (float, float)
-        Value and standard error (zero if unknown).
+        Value and standard error (zero if unknown); without those that vanished in the fit.
     """
     process, errors = result.process, result.standard_errors
     if not isinstance(process, ProcessSum):
@@ -83,7 +85,7 @@ def comparable(result: MethodResult) -> dict[str, tuple[float, float]]:
     out: dict[str, tuple[float, float]] = {}
     for key, value in process.parameters.items():
         name, _, field = key.partition(".")
-        if key in errors and value > 0.0:
+        if key in errors and value > 0.0 and errors[key] < _NOTHING * value:
             out[f"{names[name]}.{field}"] = (value, errors[key])
     return dict(sorted(out.items(), key=lambda item: _place(item[0])))
 

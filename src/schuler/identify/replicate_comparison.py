@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -192,27 +192,35 @@ def _findings(parameters: Sequence[PooledParameter]) -> tuple[str, ...]:
             f"the pooled values of the methods agree within {AGREE:g} combined standard deviations "
             f"on {len(judged) - len(apart)} of {len(judged)} parameters"
         )
-    lines += [
-        f"{p.channel}, {words_of(p.parameter)}: {' and '.join(p.worst_pair)} differ by "
-        f"{p.worst:.1f} combined standard deviations "
-        f"({100.0 * (_ratio(p) - 1.0):.2g} %)"
-        for p in apart
-    ]
+    lines += _by_channel(
+        "the methods differ, in combined standard deviations",
+        apart,
+        lambda p: f"{p.worst:.1f} ({' and '.join(p.worst_pair)}, {_size(p)})",
+    )
     shared = [p for p in parameters if p.shared]
     lines.append(
         f"the runs may share one value, by every method, for {len(shared)} of {len(parameters)} "
         "parameters"
     )
-    for p in parameters:
-        if not p.shared:
-            between = max(a.between for a in p.pooled.values())
-            lines.append(
-                f"{p.channel}, {words_of(p.parameter)}: from run to run it moves by about "
-                f"{100.0 * between:.2g} % beyond its errors"
-            )
+    lines += _by_channel(
+        "from run to run, beyond the errors, moves",
+        [p for p in parameters if not p.shared],
+        lambda p: f"by {100.0 * max(a.between for a in p.pooled.values()):.2g} %",
+    )
     return tuple(lines)
 
 
-def _ratio(p: PooledParameter) -> float:
+def _by_channel(
+    what: str, parameters: Sequence[PooledParameter], tell: Callable[[PooledParameter], str]
+) -> list[str]:
+    """One sentence a channel."""
+    grouped: dict[str, list[str]] = {}
+    for p in parameters:
+        grouped.setdefault(p.channel, []).append(f"{words_of(p.parameter)} {tell(p)}")
+    return [f"{channel}: {what}: {'; '.join(texts)}" for channel, texts in grouped.items()]
+
+
+def _size(p: PooledParameter) -> str:
     low, high = sorted(p.pooled[m].value for m in p.worst_pair)
-    return high / low
+    ratio = high / low
+    return f"{100.0 * (ratio - 1.0):.2g} %" if ratio < 2.0 else f"{ratio:.2g} times"

@@ -62,7 +62,7 @@ def replicate_sections(result: ReplicateComparison) -> tuple[Section, ...]:
     )
     findings = Findings(
         tuple(
-            Finding("warning" if "differ by" in text else "info", _spoken(text))
+            Finding("warning" if "methods differ" in text else "info", _spoken(text))
             for text in result.findings
         )
     )
@@ -76,8 +76,8 @@ def replicate_sections(result: ReplicateComparison) -> tuple[Section, ...]:
 
 
 def _spoken(text: str) -> str:
-    channel, comma, rest = text.partition(", ")
-    return f"{shown_name(channel)}, {rest}" if comma and "_" in channel else text
+    channel, colon, rest = text.partition(": ")
+    return f"{shown_name(channel)}: {rest}" if colon and "_" in channel else text
 
 
 def _figures(parameters: list[PooledParameter], names: tuple[str, ...]) -> FigureGrid:
