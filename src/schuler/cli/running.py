@@ -27,6 +27,9 @@ class RunOptions:
         if not given.
     tune_noise : bool, optional
         Scale the noise by the likelihood of the drive; done only when no noise model is given.
+    aid : tuple of str
+        What is known of the vehicle: nhc, it has wheels and rolls along its forward axis; zupt,
+        it does not move while the IMU feels no motion. May be repeated.
     """
 
     lever_arm: str = "0,0,0"
@@ -34,6 +37,7 @@ class RunOptions:
     heading: float | None = None
     time_offset: str | None = None
     tune_noise: Annotated[bool | None, Parameter(negative="--no-tune-noise")] = None
+    aid: Annotated[tuple[str, ...], Parameter(negative=())] = ()
 
     def keywords(self) -> dict[str, Any]:
         """Return them as `schuler.navigate.prepare` and `evaluate_outages` want them.
@@ -49,6 +53,7 @@ class RunOptions:
             Numbers that are not understood.
         """
         from schuler.cli.loading import parse_numbers
+        from schuler.navigate.vehicle import check_constraints
 
         known: dict[str, Any] = {
             "lever_arm": parse_numbers(
@@ -56,6 +61,7 @@ class RunOptions:
             ),
             "heading": None if self.heading is None else radians(self.heading),
             "tune_noise": self.tune_noise,
+            "aiding": check_constraints(self.aid),
         }
         if self.mounting is not None:
             from schuler.rotations import dcm_from_euler

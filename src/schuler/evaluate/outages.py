@@ -322,6 +322,7 @@ def evaluate_outages(
     mounting: FloatArray | None = None,
     time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
     tune_noise: bool | None = None,
+    aiding: Sequence[str] = (),
     false_alarm: float = FALSE_ALARM,
     progress: Callable[[str], None] | None = None,
 ) -> OutageEvaluation:
@@ -338,7 +339,7 @@ def evaluate_outages(
         Seconds after the first GNSS epoch.
     sweep : (seconds, every) or None
         Windows of `seconds` that start every `every` seconds, instead of `windows`.
-    lever_arm, heading, mounting, time_offset, tune_noise, false_alarm, progress
+    lever_arm, heading, mounting, time_offset, tune_noise, aiding, false_alarm, progress
         As for `navigate`.
 
     Returns
@@ -375,6 +376,7 @@ def evaluate_outages(
             mounting=mounting,
             time_offset=time_offset,
             tune_noise=tune_noise,
+            aiding=aiding,
             progress=say,
         )
         if say is not None:

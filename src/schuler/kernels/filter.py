@@ -25,6 +25,7 @@ from schuler.kernels.update import (
     measurement_model,
     scalar_update,
 )
+from schuler.kernels.vehicle import standstill_model, vehicle_velocity_model
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -65,6 +66,23 @@ def correct_sample(
     for i in range(3):
         angle[i] *= dt
         velocity[i] *= dt
+
+
+@kernel(inline=True)
+def constraint_applies(
+    kind: int, velocity: Array, covariance: Array, rolling: float, standing: float
+) -> bool:
+    """Whether the vehicle moves as a constraint supposes, by the filter's own speed.
+
+    A vehicle that only rolls (kind 2) must be faster than `rolling`. One that was taken for
+    standing (kinds 3, 4) must be slower than `standing` within three standard deviations, of
+    which no more than 1 m/s each is granted: a smooth road feels like no road.
+    """
+    speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2)
+    if kind == 2:
+        return speed > rolling
+    sd = math.sqrt(max(covariance[3, 3] + covariance[4, 4], 0.0))
+    return speed < standing + 3.0 * min(sd, 1.0)
 
 
 @kernel(inline=True)
@@ -182,6 +200,10 @@ def run_filter(
     aid_row: Array,
     aid_gain: Array,
     aid_scalar: Array,
+    vehicle: int,
+    mounting: Array,
+    rolling: float,
+    standing: float,
 ) -> tuple[float, int, int]:
     """Run the filter; the state arrays end as the final state.
 
@@ -197,7 +219,12 @@ def run_filter(
     multiplies them sample by sample. gate (4,): largest normalised innovation squared accepted
     for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind the next one is
     let in, as measurements that keep agreeing with each other are right and the filter is wrong:
-    its own variance is first raised by the square of the residual.
+    its own variance is first raised by the square of the residual. Constraints of the vehicle
+    (kinds above 1) are never forced in.
+
+    vehicle: place of the vehicle's states among the sensor states (-1: none), mounting (3, 3) the
+    nominal one, see kernels/vehicle.py; rolling and standing: see `constraint_applies`. A zero
+    rate has the mean of the gyros in its value.
 
     Returns the log-likelihood of the accepted measurements, the number of nodes, and the index
     of the first sample at which the state was no longer finite (-1: none).
@@ -230,7 +257,10 @@ def run_filter(
     noise_now = white.copy()
     likelihood = 0.0
     discretised = -1.0
-    refused = np.zeros(2, np.int64)
+    refused = np.zeros(5, np.int64)
+    force, turn, acceleration = np.zeros(3), np.zeros(3), np.zeros(3)
+    turn_variance, blend, turn_noise = np.zeros(3), 1.0, 1.0
+    by_rate, noise_variance = np.zeros((3, 3)), np.zeros(3)
     done = 0
     nodes = -1
 
@@ -357,27 +387,83 @@ def run_filter(
                     for c in range(3):
                         rate -= rotation[c, i] * earth[3 + c]
                     body_rate[i] = rate
-                measurement_model(
-                    aid_kind[done],
-                    aid_value[done],
-                    aid_lever[done],
-                    position,
-                    velocity,
-                    rotation,
-                    body_rate,
-                    channel,
-                    direction,
-                    residual,
-                    design,
-                )
+                kind = aid_kind[done]
+                for i in range(3):
+                    noise_variance[i] = aid_variance[done, i]
+                if kind < 2:
+                    measurement_model(
+                        aid_kind[done],
+                        aid_value[done],
+                        aid_lever[done],
+                        position,
+                        velocity,
+                        rotation,
+                        body_rate,
+                        channel,
+                        direction,
+                        residual,
+                        design,
+                    )
+                elif kind == 2:
+                    for i in range(3):
+                        acceleration[i] = force[i] + 9.8 * rotation[2, i]
+                        body_rate[i] = turn[i] + blend * (body_rate[i] - turn[i])
+                        turn_variance[i] = turn_noise * noise_now[3 + i]
+                    vehicle_velocity_model(
+                        aid_value[done],
+                        velocity,
+                        rotation,
+                        body_rate,
+                        turn_variance,
+                        acceleration,
+                        channel,
+                        direction,
+                        sensor_state,
+                        vehicle,
+                        mounting,
+                        residual,
+                        design,
+                        by_rate,
+                    )
+                    for i in range(3):
+                        for c in range(3):
+                            noise_variance[i] += by_rate[i, c] ** 2 * turn_variance[c]
+                else:
+                    if kind == 4:
+                        correct_sample(
+                            aid_value[done],
+                            accel[k],
+                            1.0,
+                            sensor_state,
+                            channel,
+                            direction,
+                            body_rate,
+                            part_velocity,
+                        )
+                        for i in range(3):
+                            for c in range(3):
+                                body_rate[i] -= rotation[c, i] * earth[3 + c]
+                    standstill_model(
+                        kind,
+                        velocity,
+                        rotation,
+                        body_rate,
+                        channel,
+                        direction,
+                        residual,
+                        design,
+                    )
                 nis, log_determinant, degrees = innovation_statistics(
-                    residual, design, aid_variance[done], covariance, deviation
+                    residual, design, noise_variance, covariance, deviation
                 )
+                if kind > 1 and not constraint_applies(
+                    kind, velocity, covariance, rolling, standing
+                ):
+                    nis, degrees = 0.0, 0
                 aid_nis[done] = nis
                 aid_degrees[done] = degrees
-                kind = aid_kind[done]
                 accepted = degrees > 0 and nis <= gate[degrees]
-                if degrees > 0 and not accepted and refused[kind] >= patience:
+                if degrees > 0 and not accepted and refused[kind] >= patience and kind < 2:
                     # the state is wrong by that much: say so before it is corrected, or the
                     # correction would be spread over states that are right
                     accepted = True
@@ -400,7 +486,7 @@ def run_filter(
                         for j in range(size):
                             innovation -= design[i, j] * error[j]
                         s = scalar_update(
-                            innovation, design[i], aid_variance[done, i], covariance, error, gain
+                            innovation, design[i], noise_variance[i], covariance, error, gain
                         )
                         aid_scalar[done, i, 0] = innovation
                         aid_scalar[done, i, 1] = s
@@ -431,6 +517,18 @@ def run_filter(
             if not aiding:
                 break
 
+        if vehicle >= 0:
+            # the springs of a vehicle answer within a fraction of a second; single samples of the
+            # gyros are mostly noise
+            share = min(step / 0.2, 1.0) if k > 0 else 1.0
+            blend = min(step / 0.1, 1.0) if k > 0 else 1.0
+            turn_noise = blend / ((2.0 - blend) * step)
+            for i in range(3):
+                force[i] += share * (velocity_increment[i] / step - force[i])
+                rate = angle[i] / step
+                for c in range(3):
+                    rate -= rotation[c, i] * earth[3 + c]
+                turn[i] += blend * (rate - turn[i])
         previous_angle[:] = angle
         previous_velocity[:] = velocity_increment
         if not math.isfinite(position[0] + position[2] + velocity[2] + covariance[6, 6]):

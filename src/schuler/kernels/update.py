@@ -5,6 +5,8 @@ A measurement has up to three independent components. Its kinds are numbered:
     0  position of the antenna (latitude, longitude, height), residual in NED metres
     1  velocity of the antenna in NED
 
+What a vehicle tells (kinds 2 to 4) is in kernels/vehicle.py.
+
 Residuals are predicted minus measured, so that z = H x + noise with x = computed - true.
 """
 

@@ -20,7 +20,16 @@ FloatArray = NDArray[np.float64]
 
 POSITION = 0
 VELOCITY = 1
-KIND_NAMES = ("GNSS position", "GNSS velocity")
+VEHICLE_VELOCITY = 2
+ZERO_VELOCITY = 3
+ZERO_RATE = 4
+KIND_NAMES = (
+    "GNSS position",
+    "GNSS velocity",
+    "velocity across the vehicle",
+    "zero velocity",
+    "zero rate",
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,6 +18,9 @@ FloatArray = NDArray[np.float64]
 LONGEST_STEP = 0.05
 # refusals in a row of one kind before the gate lets the next one in
 PATIENCE = 4
+# a wheeled vehicle faster than this shows its mounting; one slower than this may stand (m/s)
+ROLLING = 1.0
+STANDING = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +46,25 @@ class InitialState:
     rotation: FloatArray
     sensor_state: FloatArray
     covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VehicleStates:
+    """Where the filter finds what it knows of the vehicle.
+
+    Parameters
+    ----------
+    first : int
+        Place of the first of the vehicle's states among the sensor states; -1: there are none.
+    mounting : (3, 3) ndarray
+        Vehicle (forward, right, down) from IMU, before the estimated correction.
+    """
+
+    first: int
+    mounting: FloatArray
+
+
+NO_VEHICLE = VehicleStates(-1, np.eye(3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,6 +159,7 @@ def run_engine(
     *,
     gate: FloatArray,
     white_scale: FloatArray | None = None,
+    vehicle: VehicleStates = NO_VEHICLE,
     keep_samples: bool = True,
     keep_nodes: bool = True,
     node_interval: float = 0.25,
@@ -157,6 +180,8 @@ def run_engine(
         See `gate_thresholds`.
     white_scale : (n, 6) ndarray or None
         Multiplies the squared white-noise densities sample by sample (accelerometers first).
+    vehicle : VehicleStates
+        Needed where the schedule has constraints of a vehicle.
     keep_samples, keep_nodes : bool
         Whether to store the state at every sample, and what the smoother needs.
     node_interval : float
@@ -255,6 +280,10 @@ def run_engine(
         aiding.row,
         aiding.gain,
         aiding.scalar,
+        vehicle.first,
+        np.ascontiguousarray(vehicle.mounting),
+        ROLLING,
+        STANDING,
     )
     if bad >= 0:
         raise NavigationError(

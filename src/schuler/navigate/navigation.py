@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,9 +17,15 @@ from schuler.data import (
     Trajectory,
 )
 from schuler.errors import InputError, NavigationError
-from schuler.navigate.aiding import KIND_NAMES, AidingSchedule, require_overlap
+from schuler.navigate.aiding import KIND_NAMES, VELOCITY, AidingSchedule, require_overlap
 from schuler.navigate.alignment import align
-from schuler.navigate.engine import FilterRun, SampleOutputs, gate_thresholds, run_engine
+from schuler.navigate.engine import (
+    NO_VEHICLE,
+    FilterRun,
+    SampleOutputs,
+    gate_thresholds,
+    run_engine,
+)
 from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
 from schuler.navigate.likelihood import slower_imu
 from schuler.navigate.mounting import estimate_mounting
@@ -28,6 +34,7 @@ from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigate.smoother import smooth_run
 from schuler.navigate.timing import find_time_offset, velocity_lag
 from schuler.navigate.tuning import tune
+from schuler.navigate.vehicle import VehicleConstraint, check_constraints, with_vehicle_states
 from schuler.processes.noise_model import NoiseModel
 
 FloatArray = NDArray[np.float64]
@@ -108,11 +115,12 @@ def prepare(
     mounting: FloatArray | None = None,
     time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
     tune_noise: bool | None = None,
+    aiding: Sequence[str] = (),
     turn_on_accel: float = TURN_ON_ACCEL,
     turn_on_gyro: float = TURN_ON_GYRO,
     progress: Progress | None = None,
 ) -> tuple[ImuRecording, RunSetup]:
-    """Align, find time offsets and noise. Parameters as for `navigate`.
+    """Align, find time offsets, noise and mounting. Parameters as for `navigate`.
 
     Returns
     -------
@@ -120,6 +128,7 @@ def prepare(
         The recording cut to where it can be used, and everything a run needs.
     """
     say = progress or (lambda _: None)
+    constraints = check_constraints(aiding)
     _check_inputs(imu, gnss)
     arm = np.asarray(lever_arm, dtype=np.float64)
     imu = _from_first_fix(imu, gnss)
@@ -135,7 +144,7 @@ def prepare(
     start = align(imu, gnss, velocity_offset=offsets.velocity, heading=heading, mounting=mounting)
     setup = RunSetup(base, NoiseFactors.none(), offsets, start, arm)
     if not (estimate or tuned):
-        return imu, setup
+        return imu, _aided(imu, gnss, setup, constraints, mounting, say)
     if estimate:
         say("looking for the time offset")
         rough = _rough(base) if tuned else base
@@ -158,7 +167,35 @@ def prepare(
         tune_offsets=estimate,
         progress=progress,
     )
-    return imu, found.setup
+    return imu, _aided(imu, gnss, found.setup, constraints, mounting, say)
+
+
+def _aided(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    constraints: tuple[str, ...],
+    mounting: FloatArray | None,
+    say: Progress,
+) -> RunSetup:
+    """Add what the vehicle tells; where it has to, a first pass without it finds the mounting."""
+    if not constraints:
+        return setup
+    if "nhc" not in constraints:
+        return replace(setup, vehicle=VehicleConstraint(constraints, np.eye(3), -1))
+    if mounting is None:
+        say("looking for the mounting of the IMU in the vehicle")
+        found = estimate_mounting(run(imu, gnss, setup).causal.trajectory)
+        if found is None:
+            raise NavigationError(
+                "the drive does not tell how the IMU is mounted in the vehicle",
+                expected="ten seconds of driving straight at 3 m/s or faster, with GNSS",
+                cure="give the mounting (roll, pitch, yaw), or leave nhc out",
+                where=imu.name,
+            )
+        mounting = found.rotation
+    vehicle = VehicleConstraint(constraints, np.asarray(mounting), setup.model.size)
+    return replace(setup, model=with_vehicle_states(setup.model), vehicle=vehicle)
 
 
 def run(
@@ -200,6 +237,7 @@ def run(
         schedule,
         gate=gate_thresholds(false_alarm),
         white_scale=setup.white_scale(imu) if white_scale is None else white_scale,
+        vehicle=NO_VEHICLE if setup.vehicle is None else setup.vehicle.states,
         keep_nodes=smooth,
     )
     settings = setup.to_dict() | {
@@ -254,6 +292,7 @@ def navigate(
     mounting: FloatArray | None = None,
     time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
     tune_noise: bool | None = None,
+    aiding: Sequence[str] = (),
     false_alarm: float = FALSE_ALARM,
     turn_on_accel: float = TURN_ON_ACCEL,
     turn_on_gyro: float = TURN_ON_GYRO,
@@ -286,6 +325,10 @@ def navigate(
     tune_noise : bool or None
         Whether to scale noise and receiver standard deviations by the likelihood of the drive;
         None: only when no noise model is given.
+    aiding : sequence of str
+        What is known of the vehicle: "nhc", it has wheels and rolls along its forward axis
+        (mounting, place and slip of the rear axle, and pitch of the springs become states);
+        "zupt", it does not move while the IMU feels no motion.
     false_alarm : float
         Probability with which the innovation gate refuses a good measurement; 0: no gate.
     turn_on_accel, turn_on_gyro : float
@@ -303,7 +346,7 @@ def navigate(
     InputError
         Recordings without what is needed.
     NavigationError
-        No overlap, no heading, or a run that diverges.
+        No overlap, no heading, no mounting where it is needed, or a run that diverges.
     """
     used = withhold(gnss, outages) if outages else gnss
     cut, setup = prepare(
@@ -315,6 +358,7 @@ def navigate(
         mounting=mounting,
         time_offset=time_offset,
         tune_noise=tune_noise,
+        aiding=aiding,
         turn_on_accel=turn_on_accel,
         turn_on_gyro=turn_on_gyro,
         progress=progress,
@@ -376,15 +420,17 @@ def _rough(base: SensorErrorModel) -> SensorErrorModel:
 
 
 def _innovations(schedule: AidingSchedule, result: FilterRun) -> Innovations:
+    """All measurements but the constraints that did not apply where they were due."""
     aiding = result.aiding
+    due = (schedule.kind <= VELOCITY) | (aiding.degrees > 0)
     return Innovations(
-        time=schedule.time,
-        kind=tuple(KIND_NAMES[k] for k in schedule.kind),
-        value=aiding.residual,
-        sd=aiding.deviation,
-        nis=aiding.nis,
-        degrees=aiding.degrees,
-        accepted=aiding.accepted,
+        time=schedule.time[due],
+        kind=tuple(KIND_NAMES[k] for k in schedule.kind[due]),
+        value=aiding.residual[due],
+        sd=aiding.deviation[due],
+        nis=aiding.nis[due],
+        degrees=aiding.degrees[due],
+        accepted=aiding.accepted[due],
     )
 
 

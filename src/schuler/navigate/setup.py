@@ -16,6 +16,7 @@ from schuler.navigate.aiding import AidingSchedule, GnssPosition, GnssVelocity, 
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.engine import InitialState
 from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel
+from schuler.navigate.vehicle import VehicleConstraint
 from schuler.navigate.vibration import VibrationResponse, vibration_level
 
 FloatArray = NDArray[np.float64]
@@ -99,6 +100,8 @@ class RunSetup:
         Antenna from IMU in the body frame, m.
     vibration : VibrationResponse
         How the white noise follows vibration.
+    vehicle : VehicleConstraint or None
+        What is known of the vehicle; its states are then the last of the model's.
     """
 
     model: SensorErrorModel
@@ -107,6 +110,7 @@ class RunSetup:
     alignment: Alignment
     lever_arm: FloatArray
     vibration: VibrationResponse = CONSTANT_NOISE
+    vehicle: VehicleConstraint | None = None
 
     def white_scale(self, imu: ImuRecording) -> FloatArray | None:
         """Return what multiplies the squared white-noise densities sample by sample.
@@ -126,25 +130,27 @@ class RunSetup:
         return self.vibration.white_scale(vibration_level(imu))
 
     def schedule(self, imu: ImuRecording, gnss: GnssRecording) -> AidingSchedule:
-        """Return the GNSS measurements that fall inside the IMU's time.
+        """Return all measurements that fall inside the IMU's time.
 
         Parameters
         ----------
         imu : ImuRecording
-            For its time.
+            For its time, and for the moments at which it feels no motion.
         gnss : GnssRecording
             Epochs that may be used.
 
         Returns
         -------
         AidingSchedule
-            Positions and velocities.
+            Positions, velocities and the vehicle's constraints.
         """
         sources = (
             GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
             GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
         )
         rows = [s.rows() for s in sources]
+        if self.vehicle is not None:
+            rows += self.vehicle.rows(imu, self.model.white_density[3:])
         return merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
 
     def initial_state(self, imu: ImuRecording, gnss: GnssRecording) -> InitialState:
@@ -201,7 +207,8 @@ class RunSetup:
         """
         model, start = self.model, self.alignment
         constant = np.array([model.constant_states(c)[0] for c in range(6)])
-        return {
+        vehicle = {} if self.vehicle is None else {"aiding": list(self.vehicle.constraints)}
+        return vehicle | {
             "time_offset_position_s": self.offsets.position,
             "time_offset_velocity_s": self.offsets.velocity,
             "lever_arm_m": self.lever_arm.tolist(),

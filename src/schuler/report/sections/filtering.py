@@ -13,6 +13,8 @@ from schuler.report.numbers import number, percent
 FloatArray = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]
 DIRECTIONS = ("north", "east", "down")
+VEHICLE_DIRECTIONS = ("forward", "right", "down")
+BODY_DIRECTIONS = ("x", "y", "z")
 
 
 def chi_square_quantile(probability: float, degrees: float) -> float:
@@ -92,9 +94,11 @@ def _row(kind: str, part: Innovations) -> tuple[str, ...]:
 
 def _innovations(kind: str, part: Innovations, start: float, spans: Spans) -> FigureGrid:
     time = part.time - start
-    unit = "m/s" if "velocity" in kind else "m" if "position" in kind else "SI"
+    unit = "m/s" if "velocity" in kind else "m" if "position" in kind else "rad/s"
     figures = []
-    for k, direction in enumerate(DIRECTIONS):
+    directions = VEHICLE_DIRECTIONS if "vehicle" in kind else DIRECTIONS
+    directions = BODY_DIRECTIONS if "rate" in kind else directions
+    for k, direction in enumerate(directions):
         value, bound = part.value[:, k], 2.0 * part.sd[:, k]
         seen = np.isfinite(value)
         if not seen.any():
