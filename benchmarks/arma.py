@@ -25,8 +25,8 @@ from collections.abc import Callable
 import numpy as np
 from statsmodels.tsa.arima.model import ARIMA
 
-from schuler.identify.arma import fit_arma
-from schuler.identify.arma_selection import select_arma
+from schuler.identify.arma.fit import fit_arma
+from schuler.identify.arma.selection import select_arma
 from schuler.processes.arma import ARMA
 
 TRUTH = ARMA((1.666, -0.671), (-1.086, 0.160), 1.0, 1.0)

@@ -26,7 +26,7 @@ import numpy as np
 import spectrum
 from statsmodels.regression.linear_model import burg, yule_walker
 
-from schuler.identify.autoregressive import fit_ar, fit_ar_orders, select_ar
+from schuler.identify.autoregressive.fit import fit_ar, fit_ar_orders, select_ar
 from schuler.processes.autoregressive import Autoregressive
 
 HALF_PLANE = [(0.98, 0.12), (0.95, 0.27), (0.9, 0.05)]

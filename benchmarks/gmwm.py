@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks.joint_fit import TRUTH, table
 from schuler.identify import Identification, identify
-from schuler.identify.gmwm import fit_gmwm
+from schuler.identify.gmwm.fit import fit_gmwm
 from schuler.identify.maximum_likelihood import fit_maximum_likelihood
 from schuler.processes import WhiteNoise
 

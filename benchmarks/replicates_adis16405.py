@@ -21,7 +21,7 @@ from pathlib import Path
 import polars as pl
 
 from schuler.identify import Identification, identify
-from schuler.identify.gmwm_replicates import PooledIdentification, fit_gmwm_replicates
+from schuler.identify.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
 from schuler.identify.maximum_likelihood import fit_maximum_likelihood
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"

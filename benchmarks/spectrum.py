@@ -27,7 +27,7 @@ from statsmodels.tsa.stattools import acf
 from schuler.characterize.autocorrelation import autocorrelation
 from schuler.characterize.gauss_markov_correlation import fit_gauss_markov
 from schuler.characterize.spectrum import power_spectral_density
-from schuler.identify.spectrum_fit import fit_spectrum
+from schuler.identify.spectrum.fit import fit_spectrum
 from schuler.processes import BiasInstability, GaussMarkov, RandomWalk, WhiteNoise
 from schuler.units import parse
 

@@ -20,9 +20,9 @@ import polars as pl
 from schuler.characterize.screening import repair, screen
 from schuler.data.imu import ImuRecording
 from schuler.data.table import write_text
-from schuler.identify.comparison import ImuMethodComparison, compare_methods
-from schuler.identify.gmwm_replicates import PooledIdentification, fit_gmwm_replicates
-from schuler.identify.replicate_comparison import compare_replicates
+from schuler.identify.comparison.methods import ImuMethodComparison, compare_methods
+from schuler.identify.comparison.replicates import compare_replicates
+from schuler.identify.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
 from schuler.readers import read_imu
 from schuler.report import Section, Table, record_provenance, write_report
 from schuler.report.sections.method_words import shown_name

@@ -31,23 +31,23 @@ if TYPE_CHECKING:
         characterize_imu,
         identify,
     )
-    from schuler.identify.arma import ArmaFit, fit_arma
-    from schuler.identify.arma_garch import ArmaGarchFit, fit_arma_garch
-    from schuler.identify.arma_selection import select_arma
-    from schuler.identify.autoregressive import ArFit, fit_ar, select_ar
-    from schuler.identify.comparison import (
+    from schuler.identify.arma.fit import ArmaFit, fit_arma
+    from schuler.identify.arma.selection import select_arma
+    from schuler.identify.autoregressive.fit import ArFit, fit_ar, select_ar
+    from schuler.identify.comparison.methods import (
         ImuMethodComparison,
         MethodComparison,
         compare_methods,
         compare_methods_imu,
     )
-    from schuler.identify.garch import GarchFit, fit_garch
-    from schuler.identify.garch_selection import select_garch
-    from schuler.identify.gmwm import fit_gmwm
-    from schuler.identify.gmwm_replicates import PooledIdentification, fit_gmwm_replicates
+    from schuler.identify.garch.arma_garch import ArmaGarchFit, fit_arma_garch
+    from schuler.identify.garch.fit import GarchFit, fit_garch
+    from schuler.identify.garch.selection import select_garch
+    from schuler.identify.gmwm.fit import fit_gmwm
+    from schuler.identify.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
     from schuler.identify.maximum_likelihood import fit_maximum_likelihood
-    from schuler.identify.orthogonal_search import FosFit, fast_orthogonal_search
-    from schuler.identify.residual_tests import arch_lm_test, ljung_box_test
+    from schuler.identify.orthogonal_search.search import FosFit, fast_orthogonal_search
+    from schuler.identify.residuals.tests import arch_lm_test, ljung_box_test
     from schuler.navigate import navigate
     from schuler.processes import (
         BiasInstability,
@@ -107,18 +107,18 @@ _HOMES = {
     "schuler.characterize.spectrum": ("SpectrumCurve", "power_spectral_density"),
     "schuler.characterize.autocorrelation": ("AutocorrelationCurve", "autocorrelation"),
     "schuler.characterize.wavelet_variance": ("WaveletVarianceCurve", "wavelet_variance"),
-    "schuler.identify.autoregressive": ("ArFit", "fit_ar", "select_ar"),
-    "schuler.identify.orthogonal_search": ("FosFit", "fast_orthogonal_search"),
-    "schuler.identify.arma": ("ArmaFit", "fit_arma"),
-    "schuler.identify.arma_selection": ("select_arma",),
-    "schuler.identify.arma_garch": ("ArmaGarchFit", "fit_arma_garch"),
-    "schuler.identify.garch": ("GarchFit", "fit_garch"),
-    "schuler.identify.garch_selection": ("select_garch",),
-    "schuler.identify.residual_tests": ("arch_lm_test", "ljung_box_test"),
-    "schuler.identify.gmwm": ("fit_gmwm",),
-    "schuler.identify.gmwm_replicates": ("PooledIdentification", "fit_gmwm_replicates"),
+    "schuler.identify.autoregressive.fit": ("ArFit", "fit_ar", "select_ar"),
+    "schuler.identify.orthogonal_search.search": ("FosFit", "fast_orthogonal_search"),
+    "schuler.identify.arma.fit": ("ArmaFit", "fit_arma"),
+    "schuler.identify.arma.selection": ("select_arma",),
+    "schuler.identify.garch.arma_garch": ("ArmaGarchFit", "fit_arma_garch"),
+    "schuler.identify.garch.fit": ("GarchFit", "fit_garch"),
+    "schuler.identify.garch.selection": ("select_garch",),
+    "schuler.identify.residuals.tests": ("arch_lm_test", "ljung_box_test"),
+    "schuler.identify.gmwm.fit": ("fit_gmwm",),
+    "schuler.identify.gmwm.replicates": ("PooledIdentification", "fit_gmwm_replicates"),
     "schuler.identify.maximum_likelihood": ("fit_maximum_likelihood",),
-    "schuler.identify.comparison": (
+    "schuler.identify.comparison.methods": (
         "ImuMethodComparison",
         "MethodComparison",
         "compare_methods",

@@ -15,7 +15,7 @@ from schuler.characterize.autocorrelation import autocorrelation
 from schuler.characterize.gauss_markov_correlation import fit_gauss_markov
 from schuler.denoise import denoise
 from schuler.errors import SchulerError
-from schuler.identify.spectrum_fit import identify_spectrum
+from schuler.identify.spectrum.fit import identify_spectrum
 
 
 def odd_signals(n: int) -> dict[str, np.ndarray]:

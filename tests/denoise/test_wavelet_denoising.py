@@ -20,7 +20,7 @@ from schuler.denoise import (
 )
 from schuler.denoise.wavelet import level_for_band
 from schuler.errors import InputError
-from schuler.identify.autoregressive import fit_ar
+from schuler.identify.autoregressive.fit import fit_ar
 from schuler.processes import BiasInstability, GaussMarkov, ProcessSum, RandomWalk, WhiteNoise
 from schuler.units import parse
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from schuler.errors import EstimationError, InputError
-from schuler.identify.arma import ArmaFit, fit_arma
-from schuler.identify.arma_likelihood import innovations, likelihood
-from schuler.identify.arma_selection import select_arma
-from schuler.identify.conditional_variance import simulate_garch
+from schuler.identify.arma.fit import ArmaFit, fit_arma
+from schuler.identify.arma.likelihood import innovations, likelihood
+from schuler.identify.arma.selection import select_arma
+from schuler.identify.garch.conditional_variance import simulate_garch
 from schuler.processes import GaussMarkov, WhiteNoise
 from schuler.processes.arma import ARMA
 from schuler.processes.arma_exchange import gauss_markov_sum_to_arma

@@ -13,8 +13,13 @@ from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from schuler.identify.ar_estimators import LagTable, explicit_error, lagged_rows, triangular_factor
-from schuler.identify.autoregressive import (
+from schuler.identify.autoregressive.estimators import (
+    LagTable,
+    explicit_error,
+    lagged_rows,
+    triangular_factor,
+)
+from schuler.identify.autoregressive.fit import (
     ArFit,
     fit_ar,
     fit_ar_orders,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from schuler.errors import InputError, ModelError, SchulerError
-from schuler.identify.autoregressive import fit_ar, fit_ar_orders, select_ar
+from schuler.identify.autoregressive.fit import fit_ar, fit_ar_orders, select_ar
 
 METHODS = ("burg", "yule-walker", "covariance", "modified covariance")
 NOISE = np.random.default_rng(1).standard_normal(200)

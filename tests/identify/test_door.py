@@ -11,10 +11,10 @@ import pytest
 
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify import METHODS, Identification, MethodIdentification, MethodResult, identify
-from schuler.identify.comparison import MethodComparison, compare_methods
-from schuler.identify.comparison_curves import correlation_points
-from schuler.identify.comparison_parameters import combined_difference
-from schuler.identify.residual_diagnostics import diagnose_residuals, process_residuals
+from schuler.identify.comparison.curves import correlation_points
+from schuler.identify.comparison.methods import MethodComparison, compare_methods
+from schuler.identify.comparison.parameters import combined_difference
+from schuler.identify.residuals.diagnostics import diagnose_residuals, process_residuals
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from schuler.errors import InputError, ModelError
-from schuler.identify.arma_garch import fit_arma_garch
-from schuler.identify.conditional_variance import (
+from schuler.identify.garch.arma_garch import fit_arma_garch
+from schuler.identify.garch.conditional_variance import (
     backcast,
     ewma_variance,
     garch_conditional_variance,
     garch_log_likelihood,
     simulate_garch,
 )
-from schuler.identify.garch import GarchFit, fit_garch
-from schuler.identify.garch_likelihood import garch_slopes
-from schuler.identify.garch_selection import select_garch
+from schuler.identify.garch.fit import GarchFit, fit_garch
+from schuler.identify.garch.likelihood import garch_slopes
+from schuler.identify.garch.selection import select_garch
 from schuler.kernels.garch import arma_garch_slopes
 from schuler.processes.arma import ARMA
 

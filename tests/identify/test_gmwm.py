@@ -13,10 +13,10 @@ import pytest
 from schuler.characterize.wavelet_variance import wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify import Identification, identify
-from schuler.identify.gmwm import GmwmIdentification, fit_gmwm
-from schuler.identify.gmwm_replicates import fit_gmwm_replicates
-from schuler.identify.wavelet_moments import fit_moments
-from schuler.identify.wavelet_scatter import misfit, relative_covariance
+from schuler.identify.gmwm.fit import GmwmIdentification, fit_gmwm
+from schuler.identify.gmwm.moments import fit_moments
+from schuler.identify.gmwm.replicates import fit_gmwm_replicates
+from schuler.identify.gmwm.scatter import misfit, relative_covariance
 from schuler.processes import (
     GaussMarkov,
     Process,

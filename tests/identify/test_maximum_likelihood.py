@@ -12,14 +12,14 @@ import pytest
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify import Identification, identify
 from schuler.identify.curve_fit import free_parameters
-from schuler.identify.gmwm import fit_gmwm
+from schuler.identify.gmwm.fit import fit_gmwm
+from schuler.identify.gmwm.moments import with_logs
 from schuler.identify.maximum_likelihood import (
     LikelihoodIdentification,
     _evaluate,
     _sampled_wavelet_variance,
     fit_maximum_likelihood,
 )
-from schuler.identify.wavelet_moments import with_logs
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,

@@ -12,9 +12,9 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 
 from schuler.errors import InputError, SchulerError
-from schuler.identify.autoregressive import fit_ar
-from schuler.identify.fos_protocol import search_by_protocol
-from schuler.identify.orthogonal_search import FosFit, fast_orthogonal_search
+from schuler.identify.autoregressive.fit import fit_ar
+from schuler.identify.orthogonal_search.protocol import search_by_protocol
+from schuler.identify.orthogonal_search.search import FosFit, fast_orthogonal_search
 
 FloatArray = NDArray[np.float64]
 

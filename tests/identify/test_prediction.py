@@ -10,13 +10,13 @@ import pytest
 from scipy.signal import lfilter
 
 from schuler.errors import EstimationError, InputError
-from schuler.identify.autoregressive import fit_ar
+from schuler.identify.autoregressive.fit import fit_ar
 from schuler.identify.innovation_floor import (
     check_prediction_floor,
     innovation_variance,
     innovation_variance_of_signal,
 )
-from schuler.identify.orthogonal_search import fast_orthogonal_search
+from schuler.identify.orthogonal_search.search import fast_orthogonal_search
 from schuler.identify.prediction import compare_predictors, multi_step_ar
 from schuler.kernels.prediction import kalman_states
 from schuler.processes import GaussMarkov, Process, RandomWalk, WhiteNoise

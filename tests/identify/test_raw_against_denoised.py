@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from schuler.errors import EstimationError
-from schuler.identify.autoregressive import fit_ar, fit_ar_orders
+from schuler.identify.autoregressive.fit import fit_ar, fit_ar_orders
 from schuler.identify.innovation_floor import check_prediction_floor
-from schuler.identify.orthogonal_search import fast_orthogonal_search
+from schuler.identify.orthogonal_search.search import fast_orthogonal_search
 from schuler.processes import GaussMarkov, WhiteNoise
 
 FloatArray = NDArray[np.float64]

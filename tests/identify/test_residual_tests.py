@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from schuler.errors import EstimationError, InputError
-from schuler.identify.conditional_variance import simulate_garch
-from schuler.identify.residual_tests import (
+from schuler.identify.garch.conditional_variance import simulate_garch
+from schuler.identify.residuals.tests import (
     arch_lm_test,
     jarque_bera_test,
     ljung_box_test,

@@ -11,10 +11,10 @@ import pytest
 
 from schuler.characterize.spectrum import power_spectral_density
 from schuler.errors import EstimationError, InputError, ModelError, SchulerError
+from schuler.identify.comparison.pairs import compare_parameters
 from schuler.identify.joint import identify
-from schuler.identify.parameter_comparison import compare_parameters
-from schuler.identify.spectrum_fit import fit_spectrum, identify_spectrum
-from schuler.identify.spectrum_slopes import spectrum_slopes
+from schuler.identify.spectrum.fit import fit_spectrum, identify_spectrum
+from schuler.identify.spectrum.slopes import spectrum_slopes
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,

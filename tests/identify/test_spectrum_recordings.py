@@ -9,9 +9,9 @@ import pytest
 
 from schuler.characterize.autocorrelation import autocorrelation
 from schuler.characterize.gauss_markov_correlation import fit_gauss_markov
+from schuler.identify.comparison.pairs import compare_parameters
 from schuler.identify.joint import identify
-from schuler.identify.parameter_comparison import compare_parameters
-from schuler.identify.spectrum_fit import identify_spectrum
+from schuler.identify.spectrum.fit import identify_spectrum
 from schuler.readers import read_imu
 
 

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from schuler.denoise import denoise
-from schuler.identify.autoregressive import fit_ar
-from schuler.identify.orthogonal_search import fast_orthogonal_search
+from schuler.identify.autoregressive.fit import fit_ar
+from schuler.identify.orthogonal_search.search import fast_orthogonal_search
 from schuler.processes import GaussMarkov, RandomWalk, WhiteNoise
 
 FloatArray = NDArray[np.float64]

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from schuler.characterize.allan import allan_deviation
-from schuler.identify.arma import ArmaFit, fit_arma
-from schuler.identify.arma_garch import ArmaGarchFit, fit_arma_garch
-from schuler.identify.conditional_variance import (
+from schuler.identify.arma.fit import ArmaFit, fit_arma
+from schuler.identify.garch.arma_garch import ArmaGarchFit, fit_arma_garch
+from schuler.identify.garch.conditional_variance import (
     ewma_variance,
     garch_log_likelihood,
     simulate_garch,
 )
-from schuler.identify.residual_tests import (
+from schuler.identify.residuals.tests import (
     arch_lm_test,
     ljung_box_test,
     robust_autocorrelation_band,

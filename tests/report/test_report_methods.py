@@ -14,8 +14,12 @@ import pytest
 
 from schuler.data.imu import ImuRecording
 from schuler.denoise import allan_effect, denoise
-from schuler.identify.comparison import ImuMethodComparison, compare_methods, compare_methods_imu
-from schuler.identify.replicate_comparison import compare_replicates
+from schuler.identify.comparison.methods import (
+    ImuMethodComparison,
+    compare_methods,
+    compare_methods_imu,
+)
+from schuler.identify.comparison.replicates import compare_replicates
 from schuler.processes import RandomWalk, WhiteNoise
 from schuler.report import FigureGrid, Table, render_report
 from schuler.report.page import plotly_script

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.cli.outputs import Outputs
     from schuler.data.imu import ImuRecording
-    from schuler.identify.comparison import ImuMethodComparison
+    from schuler.identify.comparison.methods import ImuMethodComparison
     from schuler.processes import NoiseModel
 
 MOST_FINDINGS = 24
@@ -112,7 +112,7 @@ def compare_and_write(
     from schuler.cli.loading import title_of
     from schuler.cli.outputs import STDOUT, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.identify.comparison import compare_methods_imu
+    from schuler.identify.comparison.methods import compare_methods_imu
     from schuler.scale.progress import progress
 
     with progress("Finding the noise") as shown:

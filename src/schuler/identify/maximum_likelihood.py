@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.characterize.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify.curve_fit import free_parameters
-from schuler.identify.gmwm import fit_gmwm_curves, tail_ratio
+from schuler.identify.gmwm.fit import fit_gmwm_curves, tail_ratio
+from schuler.identify.gmwm.moments import Names, with_logs
+from schuler.identify.gmwm.scatter import misfit, relative_covariance
 from schuler.identify.identification import FitDiagnostics, Identification
 from schuler.identify.record import judge_record
 from schuler.identify.slopes import slope_method
-from schuler.identify.wavelet_moments import Names, with_logs
-from schuler.identify.wavelet_scatter import misfit, relative_covariance
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,

@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
 from schuler.identify._series import prepare
-from schuler.identify.ar_result import ArFit
-from schuler.identify.autoregressive import select_ar
-from schuler.identify.fos_result import FosFit
+from schuler.identify.autoregressive.fit import select_ar
+from schuler.identify.autoregressive.result import ArFit
 from schuler.identify.innovation_floor import (
     check_prediction_floor,
     innovation_variance_of_signal,
 )
+from schuler.identify.orthogonal_search.result import FosFit
 from schuler.processes import Process
 
 __all__ = ["PredictorComparison", "PredictorErrors", "compare_predictors", "multi_step_ar"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from schuler.errors import ModelError
-from schuler.identify.residual_diagnostics import ResidualDiagnostics
+from schuler.identify.residuals.diagnostics import ResidualDiagnostics
 from schuler.processes import Process
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError, ModelError
-from schuler.identify.ar_result import ArFit
-from schuler.identify.ar_result import Method as ArMethod
-from schuler.identify.arma import ArmaFit
-from schuler.identify.fos_result import FosFit
-from schuler.identify.garch import GarchFit
-from schuler.identify.residual_diagnostics import diagnose_residuals
+from schuler.identify.arma.fit import ArmaFit
+from schuler.identify.autoregressive.result import ArFit
+from schuler.identify.autoregressive.result import Method as ArMethod
+from schuler.identify.garch.fit import GarchFit
+from schuler.identify.orthogonal_search.result import FosFit
+from schuler.identify.residuals.diagnostics import diagnose_residuals
 from schuler.identify.result import MethodIdentification
 from schuler.processes import Process
 from schuler.processes.arma import ARMA
@@ -104,7 +104,7 @@ def _no_structure(model: Model, method: str, kind: type[Process] | None = None) 
 
 
 def _ar(values: FloatArray, rate: float, kind: ArMethod, order: int | None) -> ArFit:
-    from schuler.identify.autoregressive import fit_ar, select_ar
+    from schuler.identify.autoregressive.fit import fit_ar, select_ar
 
     if order is None:
         most = min(MOST_LAGS, (values.size - 2) // 4)
@@ -151,8 +151,8 @@ def by_arma(
     values: FloatArray, rate: float, model: Model, order: Order = None
 ) -> MethodIdentification:
     """Fit an ARMA model by exact maximum likelihood, orders by BIC (`select_arma`, `fit_arma`)."""
-    from schuler.identify.arma import fit_arma
-    from schuler.identify.arma_selection import select_arma
+    from schuler.identify.arma.fit import fit_arma
+    from schuler.identify.arma.selection import select_arma
 
     _no_structure(model, "arma", ARMA)
     wanted = _two(order, "arma")
@@ -196,7 +196,7 @@ def by_orthogonal_search(
     values: FloatArray, rate: float, model: Model, order: Order = None
 ) -> MethodIdentification:
     """Choose lags (and products) by Fast Orthogonal Search, the last third held out."""
-    from schuler.identify.orthogonal_search import fast_orthogonal_search
+    from schuler.identify.orthogonal_search.search import fast_orthogonal_search
 
     _no_structure(model, "fos")
     lags, degree = (order, 1) if isinstance(order, int) else _two(order, "fos") or (FOS_LAGS, 1)
@@ -252,7 +252,7 @@ def by_garch(
     values: FloatArray, rate: float, model: Model, order: Order = None
 ) -> MethodIdentification:
     """Fit AR by BIC, then GARCH to what it leaves (`select_ar`, `fit_garch`)."""
-    from schuler.identify.garch import fit_garch
+    from schuler.identify.garch.fit import fit_garch
 
     _no_structure(model, "garch")
     p, q = _two(order, "garch") or (1, 1)

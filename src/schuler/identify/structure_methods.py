@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from schuler.characterize.allan import allan_deviation
 from schuler.errors import EstimationError, InputError, SchulerError
 from schuler.identify.identification import Identification
-from schuler.identify.residual_diagnostics import (
+from schuler.identify.residuals.diagnostics import (
     ResidualDiagnostics,
     diagnose_residuals,
     process_residuals,
@@ -168,7 +168,7 @@ def by_spectrum(
     values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the power spectral density (`identify_spectrum`)."""
-    from schuler.identify.spectrum_fit import identify_spectrum
+    from schuler.identify.spectrum.fit import identify_spectrum
 
     block = 1 if shortest is None else max(round(shortest * rate), 1)
     highest = 0.5 * rate / block
@@ -224,7 +224,7 @@ def by_wavelet_moments(
     values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the wavelet variance (`fit_gmwm`)."""
-    from schuler.identify.gmwm import fit_gmwm
+    from schuler.identify.gmwm.fit import fit_gmwm
 
     return _of_identification("gmwm", values, rate, fit_gmwm(values, rate, model))
 
@@ -233,7 +233,7 @@ def by_robust_wavelet_moments(
     values: FloatArray, rate: float, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the robust wavelet variance (`fit_gmwm`)."""
-    from schuler.identify.gmwm import fit_gmwm
+    from schuler.identify.gmwm.fit import fit_gmwm
 
     return _of_identification("gmwm-robust", values, rate, fit_gmwm(values, rate, model, True))
 

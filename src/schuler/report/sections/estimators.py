@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from schuler.identify.ar_result import ArFit
-from schuler.identify.arma import ArmaFit
-from schuler.identify.comparison import MethodComparison
-from schuler.identify.fos_result import FosFit
-from schuler.identify.garch import GarchFit
+from schuler.identify.arma.fit import ArmaFit
+from schuler.identify.autoregressive.result import ArFit
+from schuler.identify.comparison.methods import MethodComparison
+from schuler.identify.garch.fit import GarchFit
+from schuler.identify.orthogonal_search.result import FosFit
 from schuler.identify.result import MethodIdentification
 from schuler.identify.series_methods import ArGarchFit
 from schuler.report.blocks import Block, Figure, FigureGrid, LegendItem, Section, Table

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.identify.comparison import ImuMethodComparison, MethodComparison
-from schuler.identify.comparison_curves import Theory
-from schuler.identify.comparison_parameters import ParameterAgreement
+from schuler.identify.comparison.curves import Theory
+from schuler.identify.comparison.methods import ImuMethodComparison, MethodComparison
+from schuler.identify.comparison.parameters import ParameterAgreement
 from schuler.identify.door import METHODS
 from schuler.report.blocks import (
     Block,

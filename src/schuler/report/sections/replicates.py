@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.identify.replicate_comparison import PooledParameter, ReplicateComparison
+from schuler.identify.comparison.replicates import PooledParameter, ReplicateComparison
 from schuler.report.blocks import (
     Block,
     Facts,

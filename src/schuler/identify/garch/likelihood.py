@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.identify.conditional_variance import backcast
-from schuler.identify.garch_search import (
+from schuler.identify.garch.conditional_variance import backcast
+from schuler.identify.garch.search import (
     SMALLEST_CONSTANT,
     Problem,
     Slopes,
@@ -281,7 +281,7 @@ def _targeted_covariance(
     """Sandwich of the scores of the weights and of the sample variance together."""
     from scipy.signal import lfilter
 
-    from schuler.identify.conditional_variance import garch_conditional_variance
+    from schuler.identify.garch.conditional_variance import garch_conditional_variance
 
     n, alpha, beta = unit.size, parameters[1 : p + 1], parameters[p + 1 :]
     variances = garch_conditional_variance(unit, parameters[0], alpha, beta, before=before)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import EstimationError, InputError
-from schuler.identify.residual_tests import (
+from schuler.identify.residuals.tests import (
     ResidualTests,
     residual_tests,
     robust_autocorrelation_band,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from schuler.characterize.wavelet_variance import WaveletVarianceCurve
 from schuler.identify.curve_fit import FREE, free_parameters
-from schuler.identify.wavelet_scatter import misfit, relative_covariance
+from schuler.identify.gmwm.scatter import misfit, relative_covariance
 from schuler.processes import Process, ProcessSum
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.identify.arma_likelihood import (
+from schuler.identify.arma.likelihood import (
     EDGE,
     Likelihood,
     admissible,

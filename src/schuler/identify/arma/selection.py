@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-from schuler.identify.arma import (
+from schuler.identify.arma.fit import (
     UNIT_ROOT,
     ErrorKind,
     check_orders,
@@ -17,9 +17,9 @@ from schuler.identify.arma import (
     is_common_factor,
     nearest_pair,
 )
-from schuler.identify.arma_likelihood import split
-from schuler.identify.arma_result import ArmaCandidate, ArmaFit
-from schuler.identify.arma_search import Climb, climb, search
+from schuler.identify.arma.likelihood import split
+from schuler.identify.arma.result import ArmaCandidate, ArmaFit
+from schuler.identify.arma.search import Climb, climb, search
 from schuler.identify.signals import checked_signal
 from schuler.processes.arma import poles_of, zeros_of
 

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.identify.conditional_variance import garch_conditional_variance, simulate_garch
-from schuler.identify.residual_tests import ResidualTests
+from schuler.identify.garch.conditional_variance import garch_conditional_variance, simulate_garch
+from schuler.identify.residuals.tests import ResidualTests
 from schuler.identify.signals import checked_signal
 from schuler.processes import WhiteNoise
 

@@ -8,8 +8,8 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
-from schuler.identify.garch import fit_garch
-from schuler.identify.garch_result import GarchCandidate, GarchFit
+from schuler.identify.garch.fit import fit_garch
+from schuler.identify.garch.result import GarchCandidate, GarchFit
 
 
 def select_garch(

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import EstimationError, InputError
-from schuler.identify.ar_estimators import triangular_factor
-from schuler.identify.ar_result import Caution
-from schuler.identify.fos_candidates import Candidates, Signals, centred_gram, gather
-from schuler.identify.fos_result import FosFit, RankedTerm, Term, term_name
+from schuler.identify.autoregressive.estimators import triangular_factor
+from schuler.identify.autoregressive.result import Caution
+from schuler.identify.orthogonal_search.candidates import Candidates, Signals, centred_gram, gather
+from schuler.identify.orthogonal_search.result import FosFit, RankedTerm, Term, term_name
 
 __all__ = ["FosFit", "RankedTerm", "Stopping", "fast_orthogonal_search"]
 

@@ -14,10 +14,10 @@ from schuler.characterize.robust import biweight_tuning, median_scale, robust_va
 from schuler.characterize.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.identify.curve_fit import FREE, CurvePoints, fit_structure, free_parameters
-from schuler.identify.gmwm_result import GmwmIdentification, describe_fit
+from schuler.identify.gmwm.moments import MomentFit, fit_moments, heterogeneity
+from schuler.identify.gmwm.result import GmwmIdentification, describe_fit
+from schuler.identify.gmwm.scatter import pooled_points, pooled_scatter
 from schuler.identify.selection import rough_process, select_structure
-from schuler.identify.wavelet_moments import MomentFit, fit_moments, heterogeneity
-from schuler.identify.wavelet_scatter import pooled_points, pooled_scatter
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from schuler.characterize.wavelet_variance import wavelet_variance
 from schuler.errors import EstimationError, InputError
-from schuler.identify.gmwm import (
+from schuler.identify.gmwm.fit import (
     Model,
     Robust,
     at_scales_from,
@@ -19,9 +19,9 @@ from schuler.identify.gmwm import (
     one_channel,
     tail_ratio,
 )
-from schuler.identify.gmwm_result import GmwmIdentification, describe_fit
+from schuler.identify.gmwm.moments import fit_moments, heterogeneity
+from schuler.identify.gmwm.result import GmwmIdentification, describe_fit
 from schuler.identify.replicates import Agreement, compare_runs
-from schuler.identify.wavelet_moments import fit_moments, heterogeneity
 
 _SHARED = 0.01
 

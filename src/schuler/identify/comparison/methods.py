@@ -13,14 +13,14 @@ from schuler.characterize.allan import AllanCurve, allan_deviation
 from schuler.characterize.spectrum import SpectrumCurve, power_spectral_density
 from schuler.data.imu import ImuRecording
 from schuler.errors import EstimationError, InputError, SchulerError
-from schuler.identify.comparison_curves import (
+from schuler.identify.comparison.curves import (
     CorrelationPoints,
     Theory,
     correlation_points,
     theory_of,
 )
-from schuler.identify.comparison_findings import findings_of
-from schuler.identify.comparison_parameters import (
+from schuler.identify.comparison.findings import findings_of
+from schuler.identify.comparison.parameters import (
     ParameterAgreement,
     compare_parameters,
     shared_structure,
@@ -28,7 +28,7 @@ from schuler.identify.comparison_parameters import (
 from schuler.identify.door import METHODS, STRUCTURAL, identify
 from schuler.identify.identification import Identification
 from schuler.identify.innovation_floor import innovation_variance_of_signal
-from schuler.identify.residual_diagnostics import ResidualDiagnostics
+from schuler.identify.residuals.diagnostics import ResidualDiagnostics
 from schuler.identify.result import MethodIdentification
 from schuler.identify.series_methods import ArGarchFit
 from schuler.identify.signals import checked_signal

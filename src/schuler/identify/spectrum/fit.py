@@ -15,7 +15,7 @@ from schuler.errors import EstimationError, InputError
 from schuler.identify.curve_fit import FREE
 from schuler.identify.record import RecordVerdict, judge_record
 from schuler.identify.selection import PENALTY
-from schuler.identify.spectrum_likelihood import (
+from schuler.identify.spectrum.likelihood import (
     SpectrumPoints,
     SpectrumStructureFit,
     checked_structure,
@@ -24,7 +24,7 @@ from schuler.identify.spectrum_likelihood import (
     smallest_seen,
     spectrum_points,
 )
-from schuler.identify.spectrum_slopes import SpectrumReadings, spectrum_slopes
+from schuler.identify.spectrum.slopes import SpectrumReadings, spectrum_slopes
 from schuler.processes import (
     BiasInstability,
     GaussMarkov,

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from schuler.characterize.wavelet_variance import WaveletVarianceCurve
+from schuler.identify.gmwm.moments import MomentFit
+from schuler.identify.gmwm.scatter import pooled_points
 from schuler.identify.identification import FitDiagnostics, Identification
 from schuler.identify.record import judge_record
 from schuler.identify.slopes import slope_method
-from schuler.identify.wavelet_moments import MomentFit
-from schuler.identify.wavelet_scatter import pooled_points
 from schuler.processes import GaussMarkov, ProcessSum
 
 _HEAVY_TAILS = 1.3

@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from schuler.errors import EstimationError
-from schuler.identify.comparison import ImuMethodComparison
-from schuler.identify.comparison_findings import words_of
-from schuler.identify.comparison_parameters import (
+from schuler.identify.comparison.findings import words_of
+from schuler.identify.comparison.methods import ImuMethodComparison
+from schuler.identify.comparison.parameters import (
     AGREE,
     READINGS,
     combined_difference,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.identify.arma_likelihood import innovations
-from schuler.identify.residual_tests import ResidualTests
+from schuler.identify.arma.likelihood import innovations
+from schuler.identify.residuals.tests import ResidualTests
 from schuler.identify.signals import checked_signal
 from schuler.processes.arma import ARMA, poles_of, zeros_of
 

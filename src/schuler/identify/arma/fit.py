@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import EstimationError, InputError
-from schuler.identify.arma_likelihood import Likelihood, innovations, scores, split
-from schuler.identify.arma_result import ArmaCandidate, ArmaFit
-from schuler.identify.arma_search import Climb, search
-from schuler.identify.residual_tests import ResidualTests, residual_tests
+from schuler.identify.arma.likelihood import Likelihood, innovations, scores, split
+from schuler.identify.arma.result import ArmaCandidate, ArmaFit
+from schuler.identify.arma.search import Climb, search
+from schuler.identify.residuals.tests import ResidualTests, residual_tests
 from schuler.identify.signals import checked_signal, outlier_flag
 from schuler.processes.arma import poles_of, zeros_of
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-from schuler.identify.ar_result import Caution
+from schuler.identify.autoregressive.result import Caution
 
 FloatArray = NDArray[np.float64]
 Term = tuple[int, ...]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.identify._series import Series
-from schuler.identify.ar_estimators import Orders, covariance, explicit_error
-from schuler.identify.ar_result import Caution, poles_of
+from schuler.identify.autoregressive.estimators import Orders, covariance, explicit_error
+from schuler.identify.autoregressive.result import Caution, poles_of
 
 FloatArray = NDArray[np.float64]
 

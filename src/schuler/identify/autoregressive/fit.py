@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import EstimationError, InputError
 from schuler.identify._series import Series, prepare
-from schuler.identify.ar_cautions import find_cautions
-from schuler.identify.ar_estimators import (
+from schuler.identify.autoregressive.cautions import find_cautions
+from schuler.identify.autoregressive.estimators import (
     LagTable,
     Orders,
     burg,
@@ -24,7 +24,7 @@ from schuler.identify.ar_estimators import (
     nested_errors,
     yule_walker,
 )
-from schuler.identify.ar_result import (
+from schuler.identify.autoregressive.result import (
     ArFit,
     ArSelection,
     Caution,

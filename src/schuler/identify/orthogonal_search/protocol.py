@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
-from schuler.identify.fos_result import FosFit
 from schuler.identify.innovation_floor import (
     check_prediction_floor,
     innovation_variance_of_signal,
 )
-from schuler.identify.orthogonal_search import Stopping, fast_orthogonal_search
+from schuler.identify.orthogonal_search.result import FosFit
+from schuler.identify.orthogonal_search.search import Stopping, fast_orthogonal_search
 
 __all__ = ["EvaluatedSearch", "OrthogonalSearchProtocol", "search_by_protocol"]
 

@@ -10,12 +10,12 @@ import numpy as np
 from schuler.characterize.allan import AllanCurve
 from schuler.characterize.spectrum import SpectrumCurve
 from schuler.errors import ModelError
-from schuler.identify.arma import ArmaFit
-from schuler.identify.comparison_parameters import ParameterAgreement
-from schuler.identify.fos_result import FosFit
-from schuler.identify.gmwm import GmwmIdentification
+from schuler.identify.arma.fit import ArmaFit
+from schuler.identify.comparison.parameters import ParameterAgreement
+from schuler.identify.gmwm.fit import GmwmIdentification
 from schuler.identify.identification import Identification
-from schuler.identify.residual_diagnostics import ResidualDiagnostics
+from schuler.identify.orthogonal_search.result import FosFit
+from schuler.identify.residuals.diagnostics import ResidualDiagnostics
 from schuler.identify.result import MethodIdentification
 from schuler.identify.series_methods import ArGarchFit
 from schuler.identify.slopes import SlopeReadings

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-from schuler.identify.conditional_variance import EWMA_DECAY
-from schuler.identify.garch_likelihood import NEAR, GarchSolution, solve, solve_targeted
-from schuler.identify.garch_result import GarchFit, GarchStart
-from schuler.identify.residual_tests import ResidualTests, residual_tests
+from schuler.identify.garch.conditional_variance import EWMA_DECAY
+from schuler.identify.garch.likelihood import NEAR, GarchSolution, solve, solve_targeted
+from schuler.identify.garch.result import GarchFit, GarchStart
+from schuler.identify.residuals.tests import ResidualTests, residual_tests
 from schuler.identify.signals import checked_signal, outlier_flag, varies
 
 __all__ = ["GarchFit", "fit_garch"]
@@ -194,7 +194,7 @@ def _ewma(
     solution: GarchSolution,
 ) -> GarchFit:
     """Return the parameter-free fallback; it has no standard errors."""
-    from schuler.identify.conditional_variance import garch_log_likelihood
+    from schuler.identify.garch.conditional_variance import garch_log_likelihood
 
     alpha, beta = np.array([1.0 - EWMA_DECAY]), np.array([EWMA_DECAY])
     start = max(solution.before, 1e-300)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.identify.arma import fit_arma
-from schuler.identify.arma_likelihood import admissible
-from schuler.identify.arma_result import ArmaFit
-from schuler.identify.conditional_variance import backcast
-from schuler.identify.garch import CONVERGED, fit_garch
-from schuler.identify.garch_result import GarchFit
-from schuler.identify.garch_search import (
+from schuler.identify.arma.fit import fit_arma
+from schuler.identify.arma.likelihood import admissible
+from schuler.identify.arma.result import ArmaFit
+from schuler.identify.garch.conditional_variance import backcast
+from schuler.identify.garch.fit import CONVERGED, fit_garch
+from schuler.identify.garch.result import GarchFit
+from schuler.identify.garch.search import (
     SMALLEST_CONSTANT,
     Problem,
     Slopes,
@@ -23,7 +23,7 @@ from schuler.identify.garch_search import (
     inverse,
     observed_information,
 )
-from schuler.identify.residual_tests import residual_tests
+from schuler.identify.residuals.tests import residual_tests
 from schuler.identify.signals import checked_signal
 
 FloatArray = NDArray[np.float64]

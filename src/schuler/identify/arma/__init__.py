@@ -1,0 +1,1 @@
+"""ARMA(p, q) by exact maximum likelihood. Spec 5.1."""

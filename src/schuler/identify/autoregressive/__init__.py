@@ -1,0 +1,1 @@
+"""Autoregressive models: Yule-Walker, covariance, modified covariance and Burg. Spec 3."""

@@ -1,0 +1,1 @@
+"""Several methods, parameters or records side by side."""

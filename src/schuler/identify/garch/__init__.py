@@ -1,0 +1,1 @@
+"""GARCH(p, q) and the variances it claims, alone or behind an ARMA. Spec 5.2."""

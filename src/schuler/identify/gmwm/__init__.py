@@ -1,0 +1,1 @@
+"""The generalised method of wavelet moments. Spec 10."""

@@ -1,0 +1,1 @@
+"""Fast Orthogonal Search for linear and cross-product terms. Spec 4."""

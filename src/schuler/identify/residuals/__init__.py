@@ -1,0 +1,1 @@
+"""What is left when a model is taken off: tests and diagnostics."""

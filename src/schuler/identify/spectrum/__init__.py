@@ -1,0 +1,1 @@
+"""Processes from a power spectral density. Spec 2.2."""
