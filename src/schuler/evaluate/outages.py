@@ -17,7 +17,7 @@ from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.navigate import prepare, run, withhold
-from schuler.navigate.navigation import FALSE_ALARM, NavigationRun
+from schuler.navigate.running import FALSE_ALARM, NavigationRun
 from schuler.processes.noise_model import NoiseModel
 
 FloatArray = NDArray[np.float64]

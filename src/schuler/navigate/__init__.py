@@ -1,13 +1,8 @@
 """Alignment, strapdown, error model, aiding, filter, smoother: from recordings to a trajectory."""
 
-from schuler.navigate.navigation import (
-    NavigationRun,
-    generic_noise_model,
-    navigate,
-    prepare,
-    run,
-    withhold,
-)
+from schuler.navigate.navigation import navigate, withhold
+from schuler.navigate.preparation import generic_noise_model, prepare
+from schuler.navigate.running import NavigationRun, run
 
 __all__ = [
     "NavigationRun",

@@ -1,0 +1,188 @@
+"""Before the first run: alignment, time offsets, noise, and how the IMU sits in the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import InputError, NavigationError
+from schuler.navigate.aiding import require_overlap
+from schuler.navigate.alignment import align
+from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
+from schuler.navigate.likelihood import slower_imu
+from schuler.navigate.mounting import estimate_mounting
+from schuler.navigate.rest import find_initial_rest
+from schuler.navigate.running import run
+from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.navigate.timing import find_time_offset, velocity_lag
+from schuler.navigate.tuning import tune
+from schuler.navigate.vehicle import VehicleConstraint, check_constraints, with_vehicle_states
+from schuler.processes.noise_model import NoiseModel
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+# switch-on constants of consumer MEMS: 30 mg, 0.5 deg/s
+TURN_ON_ACCEL = 0.3
+TURN_ON_GYRO = float(np.radians(0.5))
+
+
+def generic_noise_model() -> NoiseModel:
+    """Where tuning starts when nobody says anything about the sensor: a consumer MEMS in a car.
+
+    Returns
+    -------
+    NoiseModel
+        White noise with vibration and a random walk on every channel.
+    """
+    from schuler.processes import RandomWalk, WhiteNoise
+
+    accel = WhiteNoise(5e-3) + RandomWalk(5e-4)
+    gyro = WhiteNoise(1e-3) + RandomWalk(2e-5)
+    processes = {f"{s}_{a}": p for s, p in (("gyro", gyro), ("accel", accel)) for a in "xyz"}
+    return NoiseModel(processes=processes, source="generic consumer MEMS, to be tuned")
+
+
+def prepare(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    noise_model: NoiseModel | None = None,
+    *,
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
+    heading: float | None = None,
+    mounting: FloatArray | None = None,
+    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
+    tune_noise: bool | None = None,
+    aiding: Sequence[str] = (),
+    turn_on_accel: float = TURN_ON_ACCEL,
+    turn_on_gyro: float = TURN_ON_GYRO,
+    progress: Progress | None = None,
+) -> tuple[ImuRecording, RunSetup]:
+    """Align, find time offsets, noise and mounting. Parameters as for `navigate`.
+
+    Returns
+    -------
+    tuple of ImuRecording and RunSetup
+        The recording cut to where it can be used, and everything a run needs.
+    """
+    say = progress or (lambda _: None)
+    constraints = check_constraints(aiding)
+    _check_inputs(imu, gnss)
+    arm = np.asarray(lever_arm, dtype=np.float64)
+    imu = _from_first_fix(imu, gnss)
+    tuned = noise_model is None if tune_noise is None else tune_noise
+    base = sensor_error_model(
+        noise_model or generic_noise_model(),
+        turn_on_accel=turn_on_accel,
+        turn_on_gyro=turn_on_gyro,
+    )
+    estimate = time_offset == "estimate"
+    offsets = _given_offsets(time_offset, gnss)
+    say("aligning")
+    start = align(imu, gnss, velocity_offset=offsets.velocity, heading=heading, mounting=mounting)
+    setup = RunSetup(base, NoiseFactors.none(), offsets, start, arm)
+    if not (estimate or tuned):
+        return imu, _aided(imu, gnss, setup, constraints, mounting, say)
+    if estimate:
+        say("looking for the time offset")
+        rough = _rough(base) if tuned else base
+        shift = find_time_offset(
+            slower_imu(imu), gnss, RunSetup(rough, NoiseFactors.none(), offsets, start, arm)
+        )
+        offsets = TimeOffsets(offsets.position + shift, offsets.velocity + shift)
+        start = align(
+            imu, gnss, velocity_offset=offsets.velocity, heading=heading, mounting=mounting
+        )
+    say("tuning noise and time offsets" if tuned else "refining the time offsets")
+    found = tune(
+        imu,
+        gnss,
+        base,
+        offsets=offsets,
+        alignment=start,
+        lever_arm=arm,
+        tune_noise=tuned,
+        tune_offsets=estimate,
+        progress=progress,
+    )
+    return imu, _aided(imu, gnss, found.setup, constraints, mounting, say)
+
+
+def _aided(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    constraints: tuple[str, ...],
+    mounting: FloatArray | None,
+    say: Progress,
+) -> RunSetup:
+    """Add what the vehicle tells; where it has to, a first pass without it finds the mounting."""
+    if not constraints:
+        return setup
+    if "nhc" not in constraints:
+        return replace(setup, vehicle=VehicleConstraint(constraints, np.eye(3), -1))
+    if mounting is None:
+        say("looking for the mounting of the IMU in the vehicle")
+        found = estimate_mounting(run(imu, gnss, setup).causal.trajectory)
+        if found is None:
+            raise NavigationError(
+                "the drive does not tell how the IMU is mounted in the vehicle",
+                expected="ten seconds of driving straight at 3 m/s or faster, with GNSS",
+                cure="give the mounting (roll, pitch, yaw), or leave nhc out",
+                where=imu.name,
+            )
+        mounting = found.rotation
+    vehicle = VehicleConstraint(constraints, np.asarray(mounting), setup.model.size)
+    return replace(setup, model=with_vehicle_states(setup.model), vehicle=vehicle)
+
+
+def _check_inputs(imu: ImuRecording, gnss: GnssRecording) -> None:
+    if not imu.complete:
+        raise InputError(
+            f"recording '{imu.name}' has only {', '.join(imu.channels)}",
+            expected="three gyros and three accelerometers",
+        )
+    for name in imu.channels:
+        if not np.any(imu.channel(name)):
+            raise InputError(
+                f"{name} of '{imu.name}' is zero throughout",
+                expected="a sensor that is connected",
+                cure="check the columns of the file",
+            )
+    require_overlap(gnss, float(imu.time[0]), float(imu.time[-1]))
+
+
+def _from_first_fix(imu: ImuRecording, gnss: GnssRecording) -> ImuRecording:
+    """Cut what comes before GNSS, unless it is rest, which tells level and biases."""
+    if imu.time[0] >= gnss.time[0] - 2.0:
+        return imu
+    rest = find_initial_rest(imu, gnss)
+    if rest is not None and rest[1] >= gnss.time[0] - 2.0:
+        return imu
+    cut = imu.between(float(gnss.time[0]) - 1.0, np.inf)
+    if cut.size < 100:
+        raise NavigationError(
+            f"only {cut.size} IMU samples after the first GNSS fix", expected="at least 100"
+        )
+    return cut
+
+
+def _given_offsets(
+    time_offset: Literal["estimate"] | float | tuple[float, float], gnss: GnssRecording
+) -> TimeOffsets:
+    if isinstance(time_offset, str):
+        # a velocity that lags was true earlier than its stamp says
+        return TimeOffsets(0.0, -velocity_lag(gnss))
+    if isinstance(time_offset, tuple):
+        return TimeOffsets(float(time_offset[0]), float(time_offset[1]))
+    return TimeOffsets(float(time_offset), float(time_offset))
+
+
+def _rough(base: SensorErrorModel) -> SensorErrorModel:
+    """Noise that forgives anything, for a first search."""
+    return NoiseFactors(white=np.full(6, 2.0)).applied(base)

@@ -1,0 +1,180 @@
+"""One run of filter and smoother with everything known, and the solutions it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import (
+    GnssRecording,
+    ImuRecording,
+    Innovations,
+    NavigationSolution,
+    Trajectory,
+)
+from schuler.navigate.aiding import KIND_NAMES, VELOCITY, AidingSchedule
+from schuler.navigate.engine import (
+    NO_VEHICLE,
+    FilterRun,
+    SampleOutputs,
+    gate_thresholds,
+    run_engine,
+)
+from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.mounting import estimate_mounting
+from schuler.navigate.setup import RunSetup
+from schuler.navigate.smoother import smooth_run
+
+FloatArray = NDArray[np.float64]
+
+# probability of refusing a good measurement
+FALSE_ALARM = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavigationRun:
+    """A causal solution, its smoothed twin if asked for, and the setup of both."""
+
+    causal: NavigationSolution
+    smoothed: NavigationSolution | None
+    setup: RunSetup
+
+
+def run(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    *,
+    smooth: bool = False,
+    false_alarm: float = FALSE_ALARM,
+    white_scale: FloatArray | None = None,
+) -> NavigationRun:
+    """Filter, and smooth, with everything known.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        From `prepare`.
+    gnss : GnssRecording
+        Epochs to use.
+    setup : RunSetup
+        From `prepare`.
+    smooth : bool
+        Whether to smooth as well.
+    false_alarm : float
+        Of the innovation gate.
+    white_scale : (n, 6) ndarray or None
+        See `run_engine`; None: as the setup found the noise to follow vibration.
+
+    Returns
+    -------
+    NavigationRun
+        Causal and perhaps smoothed solution.
+    """
+    schedule = setup.schedule(imu, gnss)
+    result = run_engine(
+        imu,
+        setup.initial_state(imu, gnss),
+        setup.model,
+        schedule,
+        gate=gate_thresholds(false_alarm),
+        white_scale=setup.white_scale(imu) if white_scale is None else white_scale,
+        vehicle=NO_VEHICLE if setup.vehicle is None else setup.vehicle.states,
+        keep_nodes=smooth,
+    )
+    settings = setup.to_dict() | {
+        "imu": imu.name,
+        "gnss": gnss.name,
+        "gnss_epochs_used": gnss.size,
+        "gate_false_alarm": false_alarm,
+        "nis_over_degrees": result.mean_nis,
+        "updates_refused": int((~result.aiding.accepted & (result.aiding.degrees > 0)).sum()),
+    }
+    innovations = _innovations(schedule, result)
+    nodes = result.nodes
+    causal = _solution(
+        imu,
+        result.samples,
+        setup.model,
+        nodes.time,
+        nodes.sensor_state,
+        nodes.sensor_sd,
+        innovations,
+        settings,
+        result.log_likelihood,
+        smoothed=False,
+    )
+    if not smooth:
+        return NavigationRun(causal=causal, smoothed=None, setup=setup)
+    back = smooth_run(result, setup.model, imu.time)
+    smoothed = _solution(
+        imu,
+        back.samples,
+        setup.model,
+        nodes.time,
+        back.sensor_state,
+        back.sensor_sd,
+        innovations,
+        settings,
+        result.log_likelihood,
+        smoothed=True,
+    )
+    return NavigationRun(causal=causal, smoothed=smoothed, setup=setup)
+
+
+def _innovations(schedule: AidingSchedule, result: FilterRun) -> Innovations:
+    """All measurements but the constraints that did not apply where they were due."""
+    aiding = result.aiding
+    due = (schedule.kind <= VELOCITY) | (aiding.degrees > 0)
+    return Innovations(
+        time=schedule.time[due],
+        kind=tuple(KIND_NAMES[k] for k in schedule.kind[due]),
+        value=aiding.residual[due],
+        sd=aiding.deviation[due],
+        nis=aiding.nis[due],
+        degrees=aiding.degrees[due],
+        accepted=aiding.accepted[due],
+    )
+
+
+def _solution(
+    imu: ImuRecording,
+    samples: SampleOutputs,
+    model: SensorErrorModel,
+    node_time: FloatArray,
+    sensor_state: FloatArray,
+    sensor_sd: FloatArray,
+    innovations: Innovations,
+    settings: dict[str, Any],
+    likelihood: float,
+    *,
+    smoothed: bool,
+) -> NavigationSolution:
+    trajectory = Trajectory(
+        time=imu.time,
+        position=samples.position,
+        velocity=samples.velocity,
+        rotation=samples.rotation,
+    )
+    mount = estimate_mounting(trajectory)
+    found: dict[str, Any] = {"smoothed": smoothed}
+    if mount is not None:
+        found["mounting_deg"] = np.degrees(mount.angles).tolist()
+        found["mounting_sd_deg"] = np.degrees(mount.sd).tolist()
+    return NavigationSolution(
+        trajectory=trajectory,
+        position_covariance=samples.position_covariance,
+        velocity_sd=samples.velocity_sd,
+        attitude_sd=samples.attitude_sd,
+        sensor_error_time=node_time,
+        sensor_errors=sensor_state,
+        sensor_errors_sd=sensor_sd,
+        sensor_error_names=model.names,
+        innovations=innovations,
+        settings=settings | found,
+        smoothed=smoothed,
+        log_likelihood=likelihood,
+    )
