@@ -1,6 +1,6 @@
-"""One step of the error-state filter: state, covariance and accumulated transition together.
+"""What one sample measured, and the transition that steps add up to between two nodes.
 
-Shared by the batch filter and by whatever feeds samples one at a time. Spec 7.1 to 7.3.
+Shared by the batch filter and by whatever feeds samples one at a time. Spec 7.2.
 """
 
 from __future__ import annotations
@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.covariance import navigation_rows, propagate_covariance
-from schuler.kernels.geodesy import radii_of_curvature
-from schuler.kernels.strapdown import strapdown_step
+from schuler.kernels.covariance import navigation_rows
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -121,96 +119,3 @@ def reset_transition(top: Array, sensor: Array) -> None:
         top[i * 264 + i] = 1.0
     sensor[:, 0] = 1.0
     sensor[:, 1] = 0.0
-
-
-@kernel(inline=True)
-def filter_step(
-    dt: float,
-    angle: Array,
-    velocity_increment: Array,
-    previous_angle: Array,
-    previous_velocity: Array,
-    position: Array,
-    velocity: Array,
-    quaternion: Array,
-    rotation: Array,
-    sensor_state: Array,
-    covariance: Array,
-    channel: Integers,
-    direction: Array,
-    partner: Integers,
-    transition: Array,
-    noise: Array,
-    white: Array,
-    keep: bool,
-    total_top: Array,
-    total_sensor: Array,
-    earth: Array,
-    transport: Array,
-    rows: Array,
-    errors: Array,
-    top: Array,
-    block_top: Array,
-) -> None:
-    """Advance everything the filter knows by one step, in place.
-
-    Increments and state as in `strapdown_step`, sensor states and work arrays as in
-    `propagate_covariance`; with `keep` the transition is accumulated as well.
-    """
-    sine = math.sin(position[0])
-    meridian, transverse = radii_of_curvature(sine)
-    transport[0] = 1.0 / (transverse + position[2])
-    transport[1] = -1.0 / (meridian + position[2])
-    transport[2] = -sine / math.sqrt(1.0 - sine * sine) * transport[0]
-    strapdown_step(
-        dt,
-        angle,
-        velocity_increment,
-        previous_angle,
-        previous_velocity,
-        position,
-        velocity,
-        quaternion,
-        rotation,
-        earth,
-    )
-    propagate_covariance(
-        covariance,
-        dt,
-        rotation,
-        earth,
-        transport,
-        channel,
-        direction,
-        partner,
-        transition,
-        noise,
-        white,
-        rows,
-        errors,
-        top,
-        block_top,
-    )
-    if keep:
-        accumulate_transition(
-            total_top,
-            total_sensor,
-            dt,
-            rotation,
-            earth,
-            transport,
-            channel,
-            direction,
-            partner,
-            transition,
-            errors,
-            top,
-        )
-    for j in range(sensor_state.size):
-        other = partner[j]
-        if other < 0:
-            sensor_state[j] *= transition[j, 0]
-        elif other > j:
-            x, y = sensor_state[j], sensor_state[other]
-            sensor_state[j] = transition[j, 0] * x + transition[j, 1] * y
-            sensor_state[other] = transition[other, 1] * x + transition[other, 0] * y
