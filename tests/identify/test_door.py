@@ -14,6 +14,7 @@ from schuler.identify import METHODS, Identification, MethodIdentification, Meth
 from schuler.identify.comparison.curves import correlation_points
 from schuler.identify.comparison.methods import MethodComparison, compare_methods
 from schuler.identify.comparison.parameters import combined_difference
+from schuler.identify.garch.conditional_variance import simulate_garch
 from schuler.identify.residuals.diagnostics import diagnose_residuals, process_residuals
 from schuler.processes import (
     BiasInstability,
@@ -420,3 +421,14 @@ def test_differences_are_of_logarithms_in_combined_errors() -> None:
         10.0
     )
     assert combined_difference((2.0, 0.1), (1.0, 0.0)) < 0.0
+
+
+def test_a_constant_variance_is_not_called_clustered() -> None:
+    white = np.random.default_rng(71).standard_normal(20_000)
+    steady = compare_methods(white, 100.0, ("allan", "garch"))
+    text = " ".join(steady.findings)
+    assert "variance clusters" not in text
+    assert "no sign that the variance changes" in text
+    shocks, _ = simulate_garch(20_000, 0.02, [0.10], [0.88], np.random.default_rng(72))
+    lively = " ".join(compare_methods(shocks, 100.0, ("allan", "garch")).findings)
+    assert "variance clusters" in lively

@@ -274,14 +274,18 @@ def _garch(results: Results) -> list[str]:
     before = garch.before.arch_lm.p_value if garch.before else math.nan
     after = garch.after.arch_lm.p_value if garch.after else math.nan
     life = garch.half_life / garch.rate
-    lines = [
+    weight = float(garch.alpha.sum())
+    weak = weight < 0.01 or garch.standard_errors.get("alpha_1", 0.0) > 0.5 * weight
+    if before > 0.01 and weak:
+        return [
+            f"no sign that the variance changes with time: ARCH-LM p is {before:.2g}, and past "
+            f"squares have a weight of {weight:.2g}"
+        ]
+    line = (
         f"variance clusters: persistence {garch.persistence:.5g}, half-life {life:.3g} s; "
         f"ARCH-LM p is {before:.2g} before and {after:.2g} after GARCH"
-    ]
-    weight = float(garch.alpha.sum())
-    if weight < 0.01 or garch.standard_errors.get("alpha_1", 0.0) > 0.5 * weight:
-        lines[0] += f" (weak: past squares have a weight of {weight:.2g})"
-    return lines
+    )
+    return [line + (f" (weak: past squares have a weight of {weight:.2g})" if weak else "")]
 
 
 def _arma(name: str, results: Results) -> list[str]:
