@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from schuler import earth
 from schuler.data import CHANNELS
 from schuler.kernels.covariance import navigation_rows, propagate_covariance, sensor_transition
-from schuler.kernels.transition import accumulate_transition, reset_transition
 from schuler.kernels.strapdown import strapdown_step
+from schuler.kernels.transition import accumulate_transition, reset_transition
 from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel, sensor_error_model
 from schuler.processes import GaussMarkov, RandomWalk, RateRamp, Sinusoid, WhiteNoise
 from schuler.processes.noise_model import NoiseModel
