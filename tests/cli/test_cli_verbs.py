@@ -252,6 +252,8 @@ drive = ["--imu", f"{folder}/imu.parquet", "--gnss", f"{folder}/gnss.parquet"]
 assert main(["warm"]) == 0
 before = compiled()
 assert main(["characterize", f"{folder}/static.parquet"]) == 0
+methods = [a for m in ("gmwm-robust", "ml", "psd", "arma", "ar") for a in ("--method", m)]
+assert main(["characterize", f"{folder}/static.parquet", *methods]) == 0
 assert main(["navigate", *drive, "--smooth", "--noise", f"{folder}/noise.yaml"]) == 0
 assert main(["outages", *drive, "--window", "70:20"]) == 0
 assert len(before) >= 4

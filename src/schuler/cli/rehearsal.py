@@ -27,6 +27,21 @@ def _navigate() -> None:
     navigate(drive.imu, drive.gnss)  # without a noise model the drive tunes it
 
 
+def _methods() -> None:
+    import numpy as np
+
+    from schuler.cli.example import EXAMPLE_RATE, example_noise
+    from schuler.identify import METHODS
+    from schuler.identify.comparison.methods import compare_methods
+
+    signal = (
+        example_noise()
+        .process("accel_x")
+        .simulate(20_000, 1.0 / EXAMPLE_RATE, np.random.default_rng(2))
+    )
+    compare_methods(signal, EXAMPLE_RATE, tuple(METHODS))
+
+
 def _outages() -> None:
     from schuler.cli.example import example_drive, example_noise
     from schuler.evaluate.outages import evaluate_outages
@@ -35,5 +50,5 @@ def _outages() -> None:
     evaluate_outages(drive.imu, drive.gnss, example_noise(), windows=((60.0, 10.0),))
 
 
-REHEARSALS: tuple[Callable[[], None], ...] = (_characterize, _navigate, _outages)
+REHEARSALS: tuple[Callable[[], None], ...] = (_characterize, _methods, _navigate, _outages)
 """Each calls a part of the kernels."""
