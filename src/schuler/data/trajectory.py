@@ -97,10 +97,23 @@ class Innovations:
         Innovations
             The part, perhaps empty.
         """
-        pick = np.array([k == kind for k in self.kind], dtype=bool)
+        return self._picked(np.array([k == kind for k in self.kind], dtype=bool))
+
+    @property
+    def gnss(self) -> Innovations:
+        """The updates by GNSS, without those by what is known of the vehicle."""
+        return self._picked(np.array([k.startswith("GNSS") for k in self.kind], dtype=bool))
+
+    @property
+    def mean_nis(self) -> float:
+        """Normalised innovation squared over its degrees of freedom, accepted updates only."""
+        degrees = int(self.degrees[self.accepted].sum())
+        return float(self.nis[self.accepted].sum()) / degrees if degrees else float("nan")
+
+    def _picked(self, pick: NDArray[np.bool_]) -> Innovations:
         return Innovations(
             time=self.time[pick],
-            kind=tuple(k for k in self.kind if k == kind),
+            kind=tuple(k for k, keep in zip(self.kind, pick, strict=True) if keep),
             value=self.value[pick],
             sd=self.sd[pick],
             nis=self.nis[pick],

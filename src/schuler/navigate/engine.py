@@ -121,13 +121,6 @@ class FilterRun:
     nodes: NodeOutputs
     log_likelihood: float
 
-    @property
-    def mean_nis(self) -> float:
-        """Normalised innovation squared over its degrees of freedom, accepted ones only."""
-        used = self.aiding.accepted
-        degrees = int(self.aiding.degrees[used].sum())
-        return float(self.aiding.nis[used].sum() / degrees) if degrees else float("nan")
-
 
 def gate_thresholds(false_alarm: float) -> FloatArray:
     """Largest accepted normalised innovation squared for 0 to 3 degrees of freedom.

@@ -85,15 +85,15 @@ def run(
         vehicle=NO_VEHICLE if setup.vehicle is None else setup.vehicle.states,
         keep_nodes=smooth,
     )
+    innovations = _innovations(schedule, result)
     settings = setup.to_dict() | {
         "imu": imu.name,
         "gnss": gnss.name,
         "gnss_epochs_used": gnss.size,
         "gate_false_alarm": false_alarm,
-        "nis_over_degrees": result.mean_nis,
+        "nis_over_degrees": innovations.gnss.mean_nis,
         "updates_refused": int((~result.aiding.accepted & (result.aiding.degrees > 0)).sum()),
     }
-    innovations = _innovations(schedule, result)
     nodes = result.nodes
     causal = _solution(
         imu,

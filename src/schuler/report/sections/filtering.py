@@ -65,29 +65,25 @@ def innovation_section(solution: NavigationSolution, spans: Spans) -> Section:
     )
     grids = tuple(_innovations(kind, part, start, spans) for kind, part in parts.items())
     sentences: tuple[str, ...] = ()
-    if innovations.nis.size:
-        mean = float(innovations.nis[innovations.accepted].sum()) / max(
-            int(innovations.degrees[innovations.accepted].sum()), 1
-        )
+    fixes = innovations.gnss
+    if fixes.nis.size:
         sentences = (
-            f"The filter's {innovations.nis.size} updates have a mean NIS of {number(mean)} a "
-            f"degree of freedom (1 is honest); "
-            f"{int(np.count_nonzero(~innovations.accepted))} were kept out by the gate.",
+            f"The filter's {fixes.nis.size} updates by GNSS have a mean NIS of "
+            f"{number(fixes.mean_nis)} a degree of freedom (1 is honest); "
+            f"{int(np.count_nonzero(~fixes.accepted))} were kept out by the gate.",
         )
     return Section("Innovations", (table, *grids), sentences)
 
 
 def _row(kind: str, part: Innovations) -> tuple[str, ...]:
     kept = part.accepted
-    degrees = int(part.degrees[kept].sum())
-    mean = float(part.nis[kept].sum()) / degrees if degrees else float("nan")
     bounds = {int(d): chi_square_quantile(0.95, int(d)) for d in np.unique(part.degrees)}
     inside = np.mean([n <= bounds[int(d)] for n, d in zip(part.nis, part.degrees, strict=True)])
     return (
         kind,
         str(part.nis.size),
         str(int(np.count_nonzero(~kept))),
-        number(mean),
+        number(part.mean_nis),
         percent(float(inside)),
     )
 
