@@ -48,17 +48,6 @@ def cache_directory() -> Path:
     return _user_cache() / f"kernels-{digest.hexdigest()[:16]}"
 
 
-def cache_is_cold() -> bool:
-    """Tell whether no kernel of these sources has been compiled on this machine yet.
-
-    Returns
-    -------
-    bool
-        True if the first use of a kernel will have to compile.
-    """
-    return not any(cache_directory().glob("**/*.nbi"))
-
-
 def kernel(
     *, reduction: bool = False, inline: bool = False
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:

@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigate.aiding import AidingSchedule, GnssPosition, GnssVelocity, merge_schedules
+from schuler.navigate.aiding import (
+    Aiding,
+    AidingSchedule,
+    GnssPosition,
+    GnssVelocity,
+    merge_schedules,
+)
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.engine import InitialState
 from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel
@@ -144,7 +150,7 @@ class RunSetup:
         AidingSchedule
             Positions, velocities and the vehicle's constraints.
         """
-        sources = (
+        sources: tuple[Aiding, ...] = (
             GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
             GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
         )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.identify._series import Series
-from schuler.identify.autoregressive.estimators import Orders, covariance, explicit_error
+from schuler.identify.autoregressive.estimators import Orders, covariance
 from schuler.identify.autoregressive.result import Caution, poles_of
 
 FloatArray = NDArray[np.float64]
@@ -167,21 +167,3 @@ def _about_residuals(series: Series, a: FloatArray) -> list[Caution]:
                 )
             )
     return found
-
-
-def one_step_error(series: Series, a: FloatArray) -> float:
-    """Explicit mean squared one-step error on n = p+1 .. N.
-
-    Parameters
-    ----------
-    series : Series
-        Scaled signal.
-    a : (p,) ndarray
-        Coefficients.
-
-    Returns
-    -------
-    float
-        In units of the scaled signal squared.
-    """
-    return explicit_error(series.values, a, a.size)

@@ -299,7 +299,7 @@ def _log_fit(
 def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Process]]:
     """The structure with its correlation times spread over the curve in several ways.
 
-    Times that were given may be mere placeholders. Their order is kept.
+    Given times may only say how many there are, not how long. Their order is kept.
     """
     noises = [(p.correlation_time, k) for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
     if not noises:
