@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from schuler.characterize.screening import Screening, repair, screen
     from schuler.characterize.spectrum import SpectrumCurve, power_spectral_density
     from schuler.characterize.wavelet_variance import WaveletVarianceCurve, wavelet_variance
+    from schuler.data.array import ImuArray, Mounting
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
     from schuler.data.trajectory import Innovations, NavigationSolution, Trajectory
@@ -74,8 +75,10 @@ _HOMES = {
     "schuler.errors": ("SchulerError",),
     "schuler.data": (
         "GnssRecording",
+        "ImuArray",
         "ImuRecording",
         "Innovations",
+        "Mounting",
         "NavigationSolution",
         "Trajectory",
     ),
@@ -149,12 +152,14 @@ __all__ = [
     "GaussMarkov",
     "GnssRecording",
     "Identification",
+    "ImuArray",
     "ImuCharacterization",
     "ImuMethodComparison",
     "ImuRecording",
     "Innovations",
     "MethodComparison",
     "MethodIdentification",
+    "Mounting",
     "NavigationSolution",
     "NoiseModel",
     "OutageEvaluation",

@@ -94,7 +94,7 @@ def test_arrays_that_cannot_be_are_refused(ride) -> None:
         simulate.simulate_array(ride, mirror, np.zeros((1, 3)), None, 50.0, rng)
     with pytest.raises(InputError, match="no rotation"):
         simulate.simulate_array(ride, 1.1 * np.eye(3)[None], np.zeros((1, 3)), None, 50.0, rng)
-    with pytest.raises(InputError, match="positions of shape"):
+    with pytest.raises(InputError, match="mounting position has shape"):
         simulate.simulate_array(ride, np.eye(3)[None], np.zeros((2, 3)), None, 50.0, rng)
     with pytest.raises(InputError, match="noise models"):
         simulate.simulate_array(ride, np.eye(3)[None], np.zeros((1, 3)), [MODEL] * 2, 50.0, rng)

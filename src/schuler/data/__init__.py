@@ -1,5 +1,6 @@
 """What was measured and what was solved: frozen records of float64 arrays."""
 
+from schuler.data.array import ImuArray, Mounting
 from schuler.data.gnss import GnssRecording
 from schuler.data.imu import CHANNELS, ImuRecording
 from schuler.data.trajectory import Innovations, NavigationSolution, Trajectory
@@ -7,8 +8,10 @@ from schuler.data.trajectory import Innovations, NavigationSolution, Trajectory
 __all__ = [
     "CHANNELS",
     "GnssRecording",
+    "ImuArray",
     "ImuRecording",
     "Innovations",
+    "Mounting",
     "NavigationSolution",
     "Trajectory",
 ]

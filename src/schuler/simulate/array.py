@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.data import ImuRecording
+from schuler.data import ImuRecording, Mounting
 from schuler.errors import InputError
 from schuler.simulate.imu import TriadErrors, ideal_imu, simulate_imu
 from schuler.simulate.profile import Profile
@@ -76,8 +76,7 @@ def simulate_array(
     """
     turned = np.asarray(rotations, dtype=np.float64)
     arms = np.asarray(positions, dtype=np.float64)
-    _check_mountings(turned, arms)
-    k = turned.shape[0]
+    k = Mounting(turned, arms).count
     models = _for_each(noise_models, k, "noise models")
     gyros = _for_each(gyro_errors, k, "gyro errors")
     accels = _for_each(accel_errors, k, "accelerometer errors")
@@ -97,26 +96,6 @@ def simulate_array(
             )
         )
     return tuple(recordings)
-
-
-def _check_mountings(rotations: FloatArray, positions: FloatArray) -> None:
-    k = rotations.shape[0] if rotations.ndim == 3 else 0
-    if k < 1 or rotations.shape != (k, 3, 3) or positions.shape != (k, 3):
-        raise InputError(
-            f"rotations of shape {rotations.shape}, positions of shape {positions.shape}",
-            expected="(k, 3, 3) and (k, 3)",
-        )
-    if not (np.isfinite(rotations).all() and np.isfinite(positions).all()):
-        raise InputError("mountings that are not finite", expected="finite numbers")
-    square = rotations @ np.swapaxes(rotations, 1, 2)
-    off = np.abs(square - np.eye(3)).max(axis=(1, 2))
-    handed = np.linalg.det(rotations)
-    bad = np.flatnonzero((off > 1e-6) | (handed < 0.0))
-    if bad.size:
-        raise InputError(
-            f"mounting {bad[0] + 1} is {'left-handed' if handed[bad[0]] < 0 else 'no rotation'}",
-            expected="an orthonormal matrix of determinant one",
-        )
 
 
 def _for_each(values: T | Sequence[T | None] | None, k: int, what: str) -> list[T | None]:
