@@ -1,0 +1,1 @@
+"""Several IMUs made one: geometry, calibration between them, weights, noise and faults."""
