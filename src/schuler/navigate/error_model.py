@@ -87,6 +87,7 @@ def sensor_error_model(
     *,
     turn_on_accel: float,
     turn_on_gyro: float,
+    hold_constants: bool = True,
 ) -> SensorErrorModel:
     """Lay out the states of all six channels, each with a state that can hold a constant.
 
@@ -100,6 +101,9 @@ def sensor_error_model(
     turn_on_accel, turn_on_gyro : float
         Standard deviation of the constant at switch-on, m/s² and rad/s, added to what the
         model itself says of the start.
+    hold_constants : bool
+        False leaves channels without a constant state as they are, as the filters of S004 do;
+        their slowest part starts with the turn-on variance instead, and forgets it.
 
     Returns
     -------
@@ -123,6 +127,7 @@ def sensor_error_model(
         ignored += [f"{name} quantisation" for p in parts if isinstance(p, Quantization)]
         variance = 0.0
         constant = False
+        first = len(spaces)
         for part in held:
             space = _continuous(part.state_space(1.0), name)
             variance += space.white_density**2
@@ -133,10 +138,13 @@ def sensor_error_model(
                 spaces.append(space)
                 channel += [c] * space.size
                 names += [f"{name} {state}" for state in space.names]
-        if not constant:
+        if hold_constants and not constant:
             spaces.append(TurnOnBias(turn_on).state_space(1.0))
             channel.append(c)
             names.append(f"{name} turn-on bias")
+        elif not constant and len(spaces) > first:
+            slowest = max(range(first, len(spaces)), key=lambda k: _memory(spaces[k]))
+            spaces[slowest] = _wider_start(spaces[slowest], turn_on)
         white[c] = np.sqrt(variance)
     return _stack(spaces, channel, names, ignored, white)
 
@@ -151,7 +159,13 @@ def _continuous(space: StateSpace, channel: str) -> StateSpace:
     return space
 
 
+def _memory(space: StateSpace) -> float:
+    """What is left of the slowest mode after a second."""
+    return float(np.abs(np.linalg.eigvals(space.transition)).max() ** (1.0 / space.dt))
+
+
 def _wider_start(space: StateSpace, turn_on: float) -> StateSpace:
+    """Let the states start at a common constant: rank one, as all lags of an AR share it."""
     from dataclasses import replace
 
     return replace(space, initial_covariance=space.initial_covariance + turn_on**2)

@@ -212,7 +212,7 @@ class RunSetup:
             SI units; angles in degrees where the key says so.
         """
         model, start = self.model, self.alignment
-        constant = np.array([model.constant_states(c)[0] for c in range(6)])
+        constant = {c: j[0] for c in range(6) if (j := model.constant_states(c)).size}
         vehicle = {} if self.vehicle is None else {"aiding": list(self.vehicle.constraints)}
         return vehicle | {
             "time_offset_position_s": self.offsets.position,
@@ -227,13 +227,10 @@ class RunSetup:
             "white_noise_density": dict(
                 zip(FILTER_CHANNELS, model.white_density.tolist(), strict=True)
             ),
-            "bias_walk_density": dict(
-                zip(
-                    FILTER_CHANNELS,
-                    np.sqrt(model.diffusion[constant, 0]).tolist(),
-                    strict=True,
-                )
-            ),
+            "bias_walk_density": {
+                FILTER_CHANNELS[c]: float(np.sqrt(model.diffusion[j, 0]))
+                for c, j in constant.items()
+            },
             "sensor_error_states": list(model.names),
             "left_out": list(model.ignored),
         }
