@@ -47,7 +47,7 @@ def test_a_stopped_run_goes_on_where_it_was(tmp_path: Path) -> None:
     first = [Task(f"noise-{seed}", noise, (seed,)) for seed in range(5)]
     with pytest.raises(ValueError, match="seed 9"):
         run_tasks([*first, Task("noise-9", refuse, (9,))], workers(1), kept)
-    assert list(kept.keys()) == [task.key for task in first]
+    assert list(kept.names()) == [task.key for task in first]
     # a file that was cut off is done again, the others are not
     damaged = tmp_path / "kept" / "noise-2.npz"
     damaged.write_bytes(damaged.read_bytes()[:40])

@@ -78,7 +78,7 @@ class Kept:
 
         write_atomically(self.folder / f"{key}.npz", write)
 
-    def keys(self) -> Iterator[str]:
+    def names(self) -> Iterator[str]:
         """Return the names of all results, in order."""
         return iter(sorted(path.stem for path in self.folder.glob("*.npz")))
 

@@ -355,7 +355,7 @@ def judge_kept(keep: Path, papers: Sequence[str] = (), *, item: str | None = Non
     sizes: dict[Size, dict[tuple[str, str], dict[str, list[tuple[int, str]]]]]
     sizes = {"full": {}, "quick": {}}
     pattern = re.compile(r"(\w+)\.([\w-]+)\.(quick|full)\.(\d+)\.(\w+)$")
-    for key in store.keys():
+    for key in store.names():
         if match := pattern.match(key):
             paper, name, size, seed, version = match.groups()
             of = sizes["full" if size == "full" else "quick"].setdefault((paper, name), {})
