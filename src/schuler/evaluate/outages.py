@@ -6,6 +6,7 @@ offsets, noise and filter of a run never see the windows on which the run is jud
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.earth import metres_per_radian
 from schuler.errors import InputError
+from schuler.evaluate.floor import white_noise_floor
 from schuler.navigate import prepare, run, withhold
 from schuler.navigate.running import FALSE_ALARM, NavigationRun
 from schuler.processes.noise_model import NoiseModel
@@ -50,6 +52,8 @@ class OutageWindow:
         Solution minus GNSS at the antenna, m.
     covariance : (k, 2, 2) ndarray
         Claimed, north and east, GNSS's own included, m².
+    floor : (k,) ndarray or None
+        What white noise alone does, see `white_noise_floor`, m; None: not asked for.
     """
 
     start_s: float
@@ -61,6 +65,53 @@ class OutageWindow:
     time: FloatArray
     error_ned: FloatArray
     covariance: FloatArray
+    floor: FloatArray | None = None
+
+    @property
+    def horizontal_m(self) -> FloatArray:
+        """Horizontal error at every epoch, m."""
+        return np.asarray(np.hypot(self.error_ned[:, 0], self.error_ned[:, 1]))
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square of the horizontal error over the window, m."""
+        return float(np.sqrt(np.mean(self.horizontal_m**2)))
+
+    @property
+    def end_m(self) -> float:
+        """Horizontal error at the last withheld epoch, m."""
+        return float(self.horizontal_m[-1])
+
+    @property
+    def end_claimed_sd_m(self) -> float:
+        """Claimed horizontal standard deviation at the last withheld epoch, m."""
+        return float(np.sqrt(np.trace(self.covariance[-1])))
+
+    @property
+    def floor_m(self) -> float | None:
+        """White-noise floor at the last withheld epoch, m."""
+        return None if self.floor is None else float(self.floor[-1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values.
+
+        Returns
+        -------
+        dict
+            All figures of the window, without its series.
+        """
+        return {
+            "start_s": self.start_s,
+            "duration_s": self.duration_s,
+            "max_m": self.max_m,
+            "mean_m": self.mean_m,
+            "rms_m": self.rms_m,
+            "end_m": self.end_m,
+            "claimed_sd_m": self.claimed_sd_m,
+            "end_claimed_sd_m": self.end_claimed_sd_m,
+            "white_noise_floor_m": self.floor_m,
+            "within_2_sigma": self.within_2_sigma,
+        }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,6 +152,47 @@ class OutageStatistics:
         weights = [w.time.size for w in self.windows]
         return float(np.average([w.within_2_sigma for w in self.windows], weights=weights))
 
+    def circular_error_m(self, share: float) -> float:
+        """Radius that holds a share of all horizontal errors (CEP for one half), m.
+
+        Parameters
+        ----------
+        share : float
+            Between 0 and 1.
+
+        Returns
+        -------
+        float
+            m.
+        """
+        return float(np.quantile(np.concatenate([w.horizontal_m for w in self.windows]), share))
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square of all horizontal errors, m."""
+        return float(np.sqrt(np.mean(np.concatenate([w.horizontal_m for w in self.windows]) ** 2)))
+
+    @property
+    def end_rms_m(self) -> float:
+        """Root mean square over the windows of the error at their ends, m."""
+        return float(np.sqrt(np.mean([w.end_m**2 for w in self.windows])))
+
+    @property
+    def claimed_over_real(self) -> float:
+        """Claimed over real error at the ends of the windows, both root mean squares.
+
+        One for a filter that knows how wrong it is, below one for an overconfident one. With n
+        windows it scatters by about 1/(2 sqrt(n)).
+        """
+        claimed = float(np.sqrt(np.mean([w.end_claimed_sd_m**2 for w in self.windows])))
+        return claimed / self.end_rms_m if self.end_rms_m > 0.0 else math.inf
+
+    @property
+    def floor_m(self) -> float | None:
+        """Root mean square over the windows of their white-noise floors, m."""
+        floors = [f for w in self.windows if (f := w.floor_m) is not None]
+        return float(np.sqrt(np.mean(np.square(floors)))) if floors else None
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values.
 
@@ -114,18 +206,14 @@ class OutageStatistics:
             "median_of_max_m": self.median_of_max_m,
             "worst_m": self.worst_m,
             "mean_m": self.mean_m,
+            "rms_m": self.rms_m,
+            "cep50_m": self.circular_error_m(0.5),
+            "cep95_m": self.circular_error_m(0.95),
+            "end_rms_m": self.end_rms_m,
+            "claimed_over_real": self.claimed_over_real,
+            "white_noise_floor_m": self.floor_m,
             "within_2_sigma": self.within_2_sigma,
-            "windows": [
-                {
-                    "start_s": w.start_s,
-                    "duration_s": w.duration_s,
-                    "max_m": w.max_m,
-                    "mean_m": w.mean_m,
-                    "claimed_sd_m": w.claimed_sd_m,
-                    "within_2_sigma": w.within_2_sigma,
-                }
-                for w in self.windows
-            ],
+            "windows": [w.to_dict() for w in self.windows],
         }
 
 
@@ -237,6 +325,7 @@ def judge_window(
     lever_arm: FloatArray,
     time_offset: float,
     sd_factor: float,
+    white_density: FloatArray | None = None,
 ) -> OutageWindow:
     """Compare a solution with the GNSS positions of one window.
 
@@ -254,6 +343,8 @@ def judge_window(
         Of GNSS position, as for `TimeOffsets`.
     sd_factor : float
         On the receiver's standard deviations.
+    white_density : (6,) ndarray or None
+        Of the filter, accelerometers first, for the white-noise floor.
 
     Returns
     -------
@@ -307,6 +398,14 @@ def judge_window(
         time=since[inside],
         error_ned=error,
         covariance=claimed,
+        floor=None
+        if white_density is None
+        else white_noise_floor(
+            white_density,
+            path.rotation[near[0]],
+            since[inside] - start,
+            latitude=float(truth[0, 0]),
+        ),
     )
 
 
@@ -392,6 +491,7 @@ def evaluate_outages(
                     lever_arm=arm,
                     time_offset=setup.offsets.position,
                     sd_factor=setup.factors.position_sd,
+                    white_density=setup.model.white_density,
                 )
                 for window in group
             ]
