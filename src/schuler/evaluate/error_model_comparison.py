@@ -1,4 +1,4 @@
-"""Which error model carries a vehicle through an outage: the same windows for all, compared in pairs.
+"""Which error model carries a vehicle through an outage: the same windows for all, in pairs.
 
 Everything but the sensor error model is found once, with GNSS of the windows withheld, and held
 the same for all: time offsets, alignment, mounting, receiver. Spec 7.3, 7.9, 8.4.
@@ -19,6 +19,7 @@ from schuler.evaluate.outages import (
     OutageStatistics,
     OutageWindow,
     Window,
+    check_windows,
     deal_windows,
     judge_window,
     sweep_windows,
@@ -218,8 +219,8 @@ def with_error_model(
     """
     sensors = model.sensor_model(turn_on_accel, turn_on_gyro)
     vehicle = setup.vehicle
-    if vehicle is not None and vehicle.states.first >= 0:
-        vehicle = replace(vehicle, first=sensors.size)
+    if vehicle is not None and vehicle.first_state >= 0:
+        vehicle = replace(vehicle, first_state=sensors.size)
         sensors = with_vehicle_states(sensors)
     return replace(setup, model=sensors, vehicle=vehicle)
 
@@ -274,6 +275,7 @@ def compare_error_models(
         windows = sweep_windows(sweep[0], sweep[1], gnss.duration)
     if not windows:
         raise InputError("no outage was asked for", cure="give windows or a sweep")
+    check_windows(windows, gnss)
     arm = np.asarray(lever_arm, dtype=np.float64)
     found: dict[str, dict[bool, list[OutageWindow]]] = {
         m.name: {False: [], True: []} for m in models
@@ -410,8 +412,6 @@ def group_by_model(
         Causal results.
     """
     return tuple(
-        ModelOutages(
-            m, tuple(d[m.name][0] for d in draws), (), tuple(d[m.name][1] for d in draws)
-        )
+        ModelOutages(m, tuple(d[m.name][0] for d in draws), (), tuple(d[m.name][1] for d in draws))
         for m in models
     )

@@ -455,7 +455,7 @@ def evaluate_outages(
         windows = sweep_windows(sweep[0], sweep[1], gnss.duration)
     if not windows:
         raise InputError("no outage was asked for", cure="give windows or a sweep")
-    _check_windows(windows, gnss)
+    check_windows(windows, gnss)
     groups = deal_windows(windows)
     arm = np.asarray(lever_arm, dtype=np.float64)
     causal: list[OutageWindow] = []
@@ -514,7 +514,21 @@ def _prefixed(progress: Callable[[str], None], label: str) -> Callable[[str], No
     return lambda text: progress(label + text)
 
 
-def _check_windows(windows: Sequence[Window], gnss: GnssRecording) -> None:
+def check_windows(windows: Sequence[Window], gnss: GnssRecording) -> None:
+    """Refuse windows that reach outside a recording.
+
+    Parameters
+    ----------
+    windows : sequence of (start, seconds)
+        Seconds after the first epoch.
+    gnss : GnssRecording
+        The recording.
+
+    Raises
+    ------
+    InputError
+        A window outside, or of no length.
+    """
     for start, seconds in windows:
         if start < 0.0 or seconds <= 0.0 or start + seconds > gnss.duration:
             raise InputError(

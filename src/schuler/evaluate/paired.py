@@ -15,9 +15,7 @@ from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
 
-PERCENTAGES = (
-    "mean of ratios: mean over the cases of 1 - a/b; ratio of sums: 1 - sum(a)/sum(b)"
-)
+PERCENTAGES = "mean of ratios: mean over the cases of 1 - a/b; ratio of sums: 1 - sum(a)/sum(b)"
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,8 @@ def to_speed(before: float, after: float) -> Manoeuvre:
     return Manoeuvre(max(3.0, STEEPEST * abs(after - before) / FORWARD_LIMIT), after)
 
 
-def _turn(speed: float, angle: float) -> Manoeuvre:
+def turning(speed: float, angle: float) -> Manoeuvre:
+    """Return a turn by an angle (rad) at a speed (m/s), as fast as a driver makes it."""
     return Manoeuvre(max(4.0, STEEPEST * abs(angle) * speed / SIDE_LIMIT), speed, angle)
 
 
@@ -52,7 +53,7 @@ def _bend(smallest: float, largest: float) -> Block:
 
     def block(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
         angle = side(rng) * np.radians(rng.uniform(smallest, largest))
-        return [_turn(speed, angle), Manoeuvre(rng.uniform(3.0, 8.0), speed)]
+        return [turning(speed, angle), Manoeuvre(rng.uniform(3.0, 8.0), speed)]
 
     return block
 
@@ -63,7 +64,7 @@ def _corner(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
     after = rng.uniform(30.0, 45.0) * KILOMETRES_PER_HOUR
     return [
         to_speed(speed, slow),
-        _turn(slow, side(rng) * np.pi / 2),
+        turning(slow, side(rng) * np.pi / 2),
         to_speed(slow, after),
         Manoeuvre(rng.uniform(3.0, 8.0), after),
     ]
