@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from schuler import earth
 from schuler.data import CHANNELS
-from schuler.kernels.covariance import navigation_rows, propagate_covariance, sensor_transition
+from schuler.kernels.covariance import navigation_rows, propagate_covariance
 from schuler.kernels.strapdown import strapdown_step
-from schuler.kernels.transition import accumulate_transition, reset_transition
+from schuler.kernels.transition import accumulate_transition, reset_transition, sensor_transition
 from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel, sensor_error_model
+from schuler.navigate.sensor_states import no_sensor_states
 from schuler.processes import GaussMarkov, RandomWalk, RateRamp, Sinusoid, WhiteNoise
 from schuler.processes.noise_model import NoiseModel
 from schuler.rotations import (
@@ -26,6 +27,14 @@ from schuler.rotations import (
 Array = NDArray[np.float64]
 DT = 0.01
 PLACES = 264
+
+
+def dense_blocks(rows: Array, block: NDArray[np.int64]) -> Array:
+    """Matrix of the (m, w) layout of kernels/transition.py."""
+    matrix = np.zeros((len(block), len(block)))
+    for j, (first, size) in enumerate(block):
+        matrix[j, first : first + size] = rows[j, :size]
+    return matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,18 +227,13 @@ def model() -> SensorErrorModel:
     return sensor_error_model(NOISE, turn_on_accel=0.1, turn_on_gyro=0.01)
 
 
-def discretised(states: SensorErrorModel, dt: float) -> tuple[Array, Array]:
-    transition, noise = np.empty((states.size, 2)), np.empty((states.size, 2))
-    sensor_transition(dt, states.drift, states.diffusion, states.partner, transition, noise)
+def discretised(model: SensorErrorModel, dt: float) -> tuple[Array, Array]:
+    states = model.layout()
+    transition, noise = np.zeros_like(states.drift), np.zeros_like(states.drift)
+    sensor_transition(
+        dt, states.drift, states.diffusion, states.block, states.interval, transition, noise
+    )
     return transition, noise
-
-
-def dense(pairs: Array, partner: NDArray[np.int64]) -> Array:
-    """Matrix of the (m, 2) layout: on itself, and of its partner on it."""
-    matrix = np.diag(pairs[:, 0])
-    for j in np.flatnonzero(partner >= 0):
-        matrix[j, partner[j]] = pairs[j, 1]
-    return matrix
 
 
 @pytest.mark.parametrize("dt", [1e-3, 0.01, 0.05, 5.0])
@@ -238,10 +242,11 @@ def test_sensor_states_are_discretised_exactly(dt: float) -> None:
     states = model()
     transition, noise = discretised(states, dt)
     wanted_transition, wanted_noise, _ = dense_sensor_model(dt)
+    block = states.layout().block
     np.testing.assert_allclose(
-        dense(transition, states.partner), wanted_transition, rtol=1e-11, atol=1e-12
+        dense_blocks(transition, block), wanted_transition, rtol=1e-11, atol=1e-12
     )
-    np.testing.assert_allclose(dense(noise, states.partner), wanted_noise, rtol=1e-11, atol=1e-25)
+    np.testing.assert_allclose(dense_blocks(noise, block), wanted_noise, rtol=1e-11, atol=1e-25)
     gauss_markov = states.names.index("gyro_y Gauss-Markov")
     assert noise[gauss_markov, 0] == pytest.approx(2e-4**2 * (1 - np.exp(-2 * dt / 0.5)), rel=1e-11)
     walk = states.names.index("accel_z random walk")
@@ -266,10 +271,10 @@ def propagated(covariance: Array, states: SensorErrorModel, stepped: Stepped, dt
         stepped.transport,
         states.channel,
         states.direction,
-        states.partner,
+        states.layout().block,
         transition,
         noise,
-        states.white_density**2,
+        states.white_covariance,
         *flat,
     )
     return result
@@ -306,25 +311,30 @@ def test_covariance_step_is_f_p_f_plus_q_in_dense_numpy() -> None:
         assert np.linalg.eigvalsh(found / np.outer(sd, sd)).min() > -1e-12
 
 
-def test_white_noise_of_a_step_is_the_spread_of_noisy_strapdown_steps() -> None:
+SKEWED = np.array(
+    [
+        [[1.0, 0.8, 0.0], [0.8, 1.0, -0.3], [0.0, -0.3, 1.0]],
+        [[1.0, 0.0, -0.9], [0.0, 1.0, 0.2], [-0.9, 0.2, 1.0]],
+    ]
+)
+
+
+@pytest.mark.parametrize("how", [{}, {"white_correlation": SKEWED}], ids=["plain", "skewed"])
+def test_white_noise_of_a_step_is_the_spread_of_noisy_strapdown_steps(
+    how: dict[str, Array],
+) -> None:
     # anisotropic: mixing axes, frames, or densities with sample deviations shows at once
     rng = np.random.default_rng(2)
     density = np.array([1e-2, 4e-2, 2e-2, 1e-3, 5e-3, 2e-3])
     truth = step(FAST)
     draws = 6000
-    noise = rng.standard_normal((draws, 6)) * density / np.sqrt(DT)
+    noise = rng.standard_normal((draws, 6))
+    if how:
+        roots = np.linalg.cholesky(SKEWED)
+        noise = np.hstack([noise[:, :3] @ roots[0].T, noise[:, 3:] @ roots[1].T])
+    noise = noise * density / np.sqrt(DT)
     found = np.cov([difference(step(FAST, sensor=n), truth) for n in noise], rowvar=False)
-    still = SensorErrorModel(
-        channel=np.empty(0, dtype=np.int64),
-        direction=np.empty((0, 3)),
-        drift=np.empty((0, 2)),
-        diffusion=np.empty((0, 2)),
-        partner=np.empty(0, dtype=np.int64),
-        initial_covariance=np.empty((0, 0)),
-        white_density=density,
-        names=(),
-    )
-    claimed = propagated(np.zeros((9, 9)), still, truth, DT)
+    claimed = propagated(np.zeros((9, 9)), replace(no_sensor_states(density), **how), truth, DT)
     for part in (slice(3, 6), slice(6, 9)):
         wanted, got = claimed[part, part], found[part, part]
         sd = np.sqrt(np.diag(wanted))
@@ -336,7 +346,8 @@ def test_accumulated_transition_is_the_product_of_the_steps() -> None:
     states = model()
     m, size = states.size, 9 + states.size
     total, sensor = np.zeros(9 * PLACES), np.empty((m, 2))
-    reset_transition(total, sensor)
+    block = states.layout().block
+    reset_transition(total, sensor, block)
     wanted = np.eye(size)
     _, _, output = dense_sensor_model(DT)
     for k, dt in enumerate((0.01, 0.02, 0.005, 0.01)):
@@ -352,7 +363,7 @@ def test_accumulated_transition_is_the_product_of_the_steps() -> None:
             stepped.transport,
             states.channel,
             states.direction,
-            states.partner,
+            block,
             transition,
             np.zeros(6 * PLACES),
             np.zeros(9 * PLACES),
@@ -365,6 +376,4 @@ def test_accumulated_transition_is_the_product_of_the_steps() -> None:
     np.testing.assert_allclose(
         total.reshape(9, PLACES)[:, :size], wanted[:9], rtol=1e-10, atol=1e-13
     )
-    np.testing.assert_allclose(
-        dense(sensor, states.partner), wanted[9:, 9:], rtol=1e-11, atol=1e-12
-    )
+    np.testing.assert_allclose(dense_blocks(sensor, block), wanted[9:, 9:], rtol=1e-11, atol=1e-12)

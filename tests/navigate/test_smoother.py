@@ -14,6 +14,7 @@ from schuler.kernels.smoother import smooth_nodes
 from schuler.navigate.aiding import POSITION, VELOCITY, AidingSchedule
 from schuler.navigate.engine import FilterRun, InitialState, gate_thresholds, run_engine
 from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
+from schuler.navigate.sensor_states import no_sensor_states
 from schuler.navigate.smoother import smooth_run
 from schuler.processes import RateRamp, Sinusoid
 from schuler.processes.noise_model import NoiseModel
@@ -65,10 +66,9 @@ def rauch_tung_striebel(run: FilterRun, model: SensorErrorModel) -> tuple[np.nda
     for k in range(count - 2, -1, -1):
         transition = np.zeros((size, size))
         transition[:9] = nodes.top[k + 1]
-        sensor = np.diag(nodes.transition[k + 1, :, 0])
-        for j in np.flatnonzero(model.partner >= 0):
-            sensor[j, model.partner[j]] = nodes.transition[k + 1, j, 1]
-        transition[9:, 9:] = sensor
+        for j, (first, count) in enumerate(model.layout().block):
+            row = nodes.transition[k + 1, j, :count]
+            transition[9 + j, 9 + first : 9 + first + count] = row
         # before the updates of node k + 1: P- = P+ + sum of s K K'
         before = nodes.covariance[k + 1].copy()
         for u in range(*nodes.aid[k + 1]):
@@ -97,7 +97,7 @@ def test_the_smoother_is_rauch_tung_striebel() -> None:
         nodes.top,
         nodes.transition,
         nodes.aid,
-        model.partner,
+        model.layout().block,
         aiding.accepted,
         aiding.row,
         aiding.gain,
@@ -142,19 +142,6 @@ def test_smoothed_samples_take_the_error_of_the_nodes_with_the_right_signs() -> 
     )
 
 
-def still_model(accel: float, gyro: float) -> SensorErrorModel:
-    return SensorErrorModel(
-        channel=np.empty(0, dtype=np.int64),
-        direction=np.empty((0, 3)),
-        drift=np.empty((0, 2)),
-        diffusion=np.empty((0, 2)),
-        partner=np.empty(0, dtype=np.int64),
-        initial_covariance=np.empty((0, 0)),
-        white_density=np.repeat([accel, gyro], 3),
-        names=(),
-    )
-
-
 @pytest.mark.parametrize("gap", [10.0, 40.0])
 def test_at_mid_gap_the_smoothed_error_is_an_eighth_of_the_free_end_error(gap: float) -> None:
     # spec 7.8 with white acceleration, position and velocity pinned at both ends
@@ -169,7 +156,7 @@ def test_at_mid_gap_the_smoothed_error_is_an_eighth_of_the_free_end_error(gap: f
     value = np.where((kind == POSITION)[:, None], truth.position[0], 0.0)
     schedule = AidingSchedule(rows, kind, value, np.full((4, 3), 1e-10), np.zeros((4, 3)))
     middle, last = (int(np.searchsorted(ideal.time, t)) for t in (1.0 + gap / 2, 1.0 + gap - 1e-6))
-    model = still_model(density, 0.0)
+    model = no_sensor_states(np.repeat([density, 0.0], 3))
     start = InitialState(
         truth.position[0], np.zeros(3), truth.rotation[0], np.empty(0), np.zeros((9, 9))
     )

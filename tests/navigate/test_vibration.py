@@ -12,7 +12,7 @@ from schuler.data import ImuRecording
 from schuler.navigate import navigate
 from schuler.navigate.aiding import AidingSchedule
 from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
-from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.sensor_states import no_sensor_states
 from schuler.navigate.vibration import VibrationResponse, vibration_level
 from schuler.simulate import car_urban, simulate_gnss, static
 
@@ -44,16 +44,7 @@ def test_scaled_noise_grows_the_claim_from_the_sample_on() -> None:
     profile = static(21.0)
     ideal = perfect(profile, 50.0)
     density = 0.01
-    model = SensorErrorModel(
-        channel=np.empty(0, dtype=np.int64),
-        direction=np.empty((0, 3)),
-        drift=np.empty((0, 2)),
-        diffusion=np.empty((0, 2)),
-        partner=np.empty(0, dtype=np.int64),
-        initial_covariance=np.empty((0, 0)),
-        white_density=np.repeat([density, 0.0], 3),
-        names=(),
-    )
+    model = no_sensor_states(np.repeat([density, 0.0], 3))
     nothing = AidingSchedule(
         np.empty(0),
         np.empty(0, dtype=np.int64),

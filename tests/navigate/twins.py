@@ -72,6 +72,7 @@ def draw_twin(
     *,
     first_fix: float = 1.0,
     noise: NoiseModel = NOISE,
+    interval: float | None = None,
 ) -> Twin:
     rng = np.random.default_rng(seed)
     imu, sensor_truth = with_noise(ideal, noise, rng)
@@ -96,7 +97,7 @@ def draw_twin(
         method="truth and a draw",
         velocity=truth.velocity[0] + 0.1 * rng.standard_normal(3),
     )
-    model = sensor_error_model(noise, turn_on_accel=0.0, turn_on_gyro=0.0)
+    model = sensor_error_model(noise, turn_on_accel=0.0, turn_on_gyro=0.0, interval=interval)
     setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), alignment, LEVER)
     return Twin(imu, gnss, sensor_truth, setup)
 

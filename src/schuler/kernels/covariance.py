@@ -88,9 +88,10 @@ def channel_rows(
     """Sum the rows of the sensor states into the six channel errors of the body frame.
 
     State j, row 9 + j of `covariance`, adds direction[j] (3,) times its row to the accelerometer
-    (channel[j] < 3) or gyro triad; a state that does not show (the slope of a ramp) has direction
-    zero. The common case, a state that is the whole error of the axis channel[j], is marked by
-    direction[j, 0] = NaN: only one of the three rows is then touched. `result`: 6 rows of 264.
+    (channel[j] of 0 to 2) or gyro triad (3 to 5); a state that shows in no channel has channel
+    -1, one that does not show by itself (the slope of a ramp) direction zero. The common case, a
+    state that is the whole error of the axis channel[j], is marked by direction[j, 0] = NaN: only
+    one of the three rows is then touched. `result`: 6 rows of 264.
     """
     s = 264
     for c in range(6):
@@ -98,6 +99,8 @@ def channel_rows(
             result[c * s + k] = 0.0
     for j in range(channel.size):
         c = channel[j]
+        if c < 0:
+            continue
         d0 = direction[j, 0]
         if math.isnan(d0):
             for k in range(width):
@@ -113,60 +116,66 @@ def channel_rows(
 
 
 @kernel(inline=True)
-def sensor_transition(
-    dt: float,
-    drift: Array,
-    diffusion: Array,
-    partner: Integers,
-    transition: Array,
-    noise: Array,
+def sensor_covariance(
+    covariance: Array, block: Integers, transition: Array, noise: Array, rows: Array
 ) -> None:
-    """Discretise the sensor states for one step, exactly for single states.
+    """F_s P_ss F_s' + Q of the sensor states, in place, with blocks of any size.
 
-    drift (m, 2): rate of a state on itself and of its partner on it, 1/s; partner (m,): index of
-    the other state of a 2x2 block, or -1. diffusion (m, 2): noise density on the state and
-    between it and its partner. Writes transition (m, 2) and noise (m, 2) in the same layout.
-    Spec 1.1 and 7.3; 2x2 blocks by the closed form of their exponential.
+    `transition` and `noise` (m, w): row j of its block, which starts at block[j, 0] and has
+    block[j, 1] states; `rows`: work for as many rows of 264 as the largest block has states.
     """
-    for j in range(drift.shape[0]):
-        other = partner[j]
-        if other < 0:
-            rate = drift[j, 0]
-            transition[j, 1] = 0.0
-            noise[j, 1] = 0.0
-            if rate == 0.0:
-                transition[j, 0] = 1.0
-                noise[j, 0] = diffusion[j, 0] * dt
+    s = 264
+    m = block.shape[0]
+    single = True
+    for j in range(m):
+        if block[j, 1] > 1:
+            single = False
+    if single:
+        for j in range(m):
+            own = transition[j, 0]
+            for k in range(m):
+                covariance[9 + j, 9 + k] *= own * transition[k, 0]
+            covariance[9 + j, 9 + j] += noise[j, 0]
+        return
+    # F_s P: rows of a block mix
+    for j in range(m):
+        first, size = block[j, 0], block[j, 1]
+        if size == 1:
+            own = transition[j, 0]
+            for k in range(m):
+                covariance[9 + j, 9 + k] *= own
+        elif first == j:
+            for q in range(size):
+                for k in range(m):
+                    rows[q * s + k] = covariance[9 + j + q, 9 + k]
+                    covariance[9 + j + q, 9 + k] = 0.0
+            for i in range(size):
+                for q in range(size):
+                    factor = transition[j + i, q]
+                    if factor != 0.0:
+                        for k in range(m):
+                            covariance[9 + j + i, 9 + k] += factor * rows[q * s + k]
+    # times F_s': columns of a block mix; what lies above the diagonal is its mirror image
+    for j in range(m):
+        last = block[j, 0] + block[j, 1]
+        for k in range(last):
+            rows[k] = covariance[9 + j, 9 + k]
+        for k in range(j + 1):
+            size = block[k, 1]
+            if size == 1:
+                value = transition[k, 0] * rows[k]
             else:
-                transition[j, 0] = math.exp(rate * dt)
-                noise[j, 0] = diffusion[j, 0] * math.expm1(2.0 * rate * dt) / (2.0 * rate)
-        else:
-            a, b = drift[j, 0], drift[j, 1]
-            c, d = drift[other, 1], drift[other, 0]
-            mean, half = 0.5 * (a + d), 0.5 * (a - d)
-            square = half * half + b * c
-            grow = math.exp(mean * dt)
-            if square > 0.0:
-                root = math.sqrt(square)
-                even, odd = math.cosh(root * dt), math.sinh(root * dt) / root
-            elif square < 0.0:
-                root = math.sqrt(-square)
-                even, odd = math.cos(root * dt), math.sin(root * dt) / root
-            else:
-                even, odd = 1.0, dt
-            own, cross = grow * (even + half * odd), grow * b * odd
-            transition[j, 0], transition[j, 1] = own, cross
-            # trapezoid of the noise integral: third order in the step
-            qa, qb, qd = diffusion[j, 0], diffusion[j, 1], diffusion[other, 0]
-            far, near = grow * c * odd, grow * (even - half * odd)
-            noise[j, 0] = (
-                0.5 * dt * (qa + own * own * qa + 2.0 * own * cross * qb + cross * cross * qd)
-            )
-            noise[j, 1] = (
-                0.5
-                * dt
-                * (qb + own * far * qa + (own * near + cross * far) * qb + cross * near * qd)
-            )
+                first = block[k, 0]
+                value = 0.0
+                for q in range(size):
+                    value += transition[k, q] * rows[first + q]
+            covariance[9 + j, 9 + k] = value
+    for j in range(m):
+        first = block[j, 0]
+        for k in range(first, j + 1):
+            covariance[9 + j, 9 + k] += noise[j, k - first]
+        for k in range(j):
+            covariance[9 + k, 9 + j] = covariance[9 + j, 9 + k]
 
 
 @kernel(inline=True)
@@ -178,7 +187,7 @@ def propagate_covariance(
     transport: Array,
     channel: Integers,
     direction: Array,
-    partner: Integers,
+    block: Integers,
     transition: Array,
     noise: Array,
     white: Array,
@@ -189,9 +198,10 @@ def propagate_covariance(
 ) -> None:
     """P <- F P F' + Q over one step, in place. Spec 7.2 and 7.3.
 
-    `covariance` (n, n) with n = 9 + m <= 256; `white` (6,): squared densities of the
-    accelerometer then gyro channels in the body frame; work arrays of 264 places a row: rows,
-    top and block_top of 9 rows, errors of 6.
+    `covariance` (n, n) with n = 9 + m <= 256; block, transition and noise as in
+    `sensor_covariance`; `white` (2, 3, 3): covariance densities of the accelerometers and of the
+    gyros in the body frame; work arrays of 264 places a row: rows, top and block_top of 9 rows
+    (rows of more if a block has more states), errors of 6.
     """
     s = 264
     n = covariance.shape[0]
@@ -209,6 +219,8 @@ def propagate_covariance(
             errors[c * s + i] = 0.0
     for j in range(m):
         c = channel[j]
+        if c < 0:
+            continue
         d0 = direction[j, 0]
         if math.isnan(d0):
             for i in range(9):
@@ -227,64 +239,34 @@ def propagate_covariance(
             covariance[i, k] = block_top[i * s + k]
             covariance[k, i] = block_top[i * s + k]
 
-    # sensor states: F_s P_ss F_s' + Q, and the cross blocks
+    # what the sensor states share with the navigation error, then the sensor states themselves
     for j in range(m):
-        other = partner[j]
-        own, cross = transition[j, 0], transition[j, 1]
-        for i in range(9):
-            value = own * top[i * s + 9 + j]
-            if other >= 0:
-                value += cross * top[i * s + 9 + other]
-            covariance[i, 9 + j] = value
-            covariance[9 + j, i] = value
-    paired = False
-    for j in range(m):
-        if partner[j] >= 0:
-            paired = True
-    if paired:
-        for j in range(m):
-            for k in range(m):
-                rows[k] = covariance[9 + j, 9 + k]
-            for k in range(m):
-                other = partner[k]
-                value = transition[k, 0] * rows[k]
-                if other >= 0:
-                    value += transition[k, 1] * rows[other]
-                covariance[9 + j, 9 + k] = value
-        for k in range(m):
-            for j in range(m):
-                rows[j] = covariance[9 + j, 9 + k]
-            for j in range(m):
-                other = partner[j]
-                value = transition[j, 0] * rows[j]
-                if other >= 0:
-                    value += transition[j, 1] * rows[other]
-                covariance[9 + j, 9 + k] = value
-        for j in range(m):
-            for k in range(j):
-                covariance[9 + k, 9 + j] = covariance[9 + j, 9 + k]
-    else:
-        for j in range(m):
+        first, size = block[j, 0], block[j, 1]
+        if size == 1:
             own = transition[j, 0]
-            for k in range(m):
-                covariance[9 + j, 9 + k] *= own * transition[k, 0]
-    for j in range(m):
-        covariance[9 + j, 9 + j] += noise[j, 0]
-        other = partner[j]
-        if other > j:
-            covariance[9 + j, 9 + other] += noise[j, 1]
-            covariance[9 + other, 9 + j] += noise[j, 1]
+            for i in range(9):
+                value = own * top[i * s + 9 + j]
+                covariance[i, 9 + j] = value
+                covariance[9 + j, i] = value
+        else:
+            for i in range(9):
+                value = 0.0
+                for q in range(size):
+                    value += transition[j, q] * top[i * s + 9 + first + q]
+                covariance[i, 9 + j] = value
+                covariance[9 + j, i] = value
+    sensor_covariance(covariance, block, transition, noise, rows)
 
-    for i in range(3):
-        for k in range(i + 1):
-            force = 0.0
-            rate = 0.0
-            for c in range(3):
-                product = rotation[i, c] * rotation[k, c] * dt
-                force += product * white[c]
-                rate += product * white[3 + c]
-            covariance[3 + i, 3 + k] += force
-            covariance[6 + i, 6 + k] += rate
-            if k != i:
-                covariance[3 + k, 3 + i] += force
-                covariance[6 + k, 6 + i] += rate
+    # C W C' dt of both triads
+    for part in range(2):
+        first = 3 + 3 * part
+        for i in range(3):
+            c0, c1, c2 = rotation[i, 0] * dt, rotation[i, 1] * dt, rotation[i, 2] * dt
+            w0 = c0 * white[part, 0, 0] + c1 * white[part, 1, 0] + c2 * white[part, 2, 0]
+            w1 = c0 * white[part, 0, 1] + c1 * white[part, 1, 1] + c2 * white[part, 2, 1]
+            w2 = c0 * white[part, 0, 2] + c1 * white[part, 1, 2] + c2 * white[part, 2, 2]
+            for k in range(i + 1):
+                value = w0 * rotation[k, 0] + w1 * rotation[k, 1] + w2 * rotation[k, 2]
+                covariance[first + i, first + k] += value
+                if k != i:
+                    covariance[first + k, first + i] += value

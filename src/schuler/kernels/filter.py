@@ -12,16 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.covariance import (
-    propagate_covariance,
-    sensor_transition,
-)
+from schuler.kernels.covariance import propagate_covariance
 from schuler.kernels.geodesy import radii_of_curvature
 from schuler.kernels.strapdown import rotation_from_quaternion, strapdown_step
-from schuler.kernels.transition import accumulate_transition, correct_sample, reset_transition
+from schuler.kernels.transition import (
+    accumulate_transition,
+    correct_sample,
+    move_sensor_states,
+    raise_blocks,
+    reset_transition,
+    scale_directions,
+    sensor_transition,
+    set_blocks,
+)
 from schuler.kernels.update import (
+    add_offset_states,
     feed_back,
     innovation_statistics,
+    linear_model,
     measurement_model,
     scalar_update,
 )
@@ -39,11 +47,14 @@ def constraint_applies(
 
     A vehicle that only rolls (kind 2) must be faster than `rolling`. One that was taken for
     standing (kinds 3, 4) must be slower than `standing` within three standard deviations, of
-    which no more than 1 m/s each is granted: a smooth road feels like no road.
+    which no more than 1 m/s each is granted: a smooth road feels like no road. Other kinds always
+    apply.
     """
     speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2)
     if kind == 2:
         return speed > rolling
+    if kind > 4:
+        return True
     sd = math.sqrt(max(covariance[3, 3] + covariance[4, 4], 0.0))
     return speed < standing + 3.0 * min(sd, 1.0)
 
@@ -60,9 +71,11 @@ def run_filter(
     covariance: Array,
     channel: Integers,
     direction: Array,
+    scaled_by: Integers,
+    block: Integers,
+    interval: Array,
     drift: Array,
     diffusion: Array,
-    partner: Integers,
     white: Array,
     white_scale: Array,
     aid_time: Array,
@@ -70,6 +83,9 @@ def run_filter(
     aid_value: Array,
     aid_variance: Array,
     aid_lever: Array,
+    aid_offset: Integers,
+    aid_matrix: Integers,
+    matrices: Array,
     gate: Array,
     patience: int,
     longest_step: float,
@@ -107,16 +123,18 @@ def run_filter(
     nodes. Per sample outputs have n rows (or none, then nothing is written). Nodes are made at
     every aiding time and at least every `node_interval`; with node_covariance of k rows
     (k, s, s) all that the smoother needs is kept: node_top (k, 9, s) and node_transition
-    (k, m, 2) from the node before, node_error (k, s) the correction fed back there, node_aid
+    (k, m, w) from the node before, node_error (k, s) the correction fed back there, node_aid
     (k, 2) the range of measurements used there, aid_row and aid_gain (u, 3, s). aid_scalar
     (u, 3, 2), always written: innovation and its variance of every component that was used.
 
-    white (6,): squared noise densities, accelerometer then gyro; white_scale (n, 6) or (0, 6)
-    multiplies them sample by sample. gate (4,): largest normalised innovation squared accepted
-    for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind the next one is
-    let in, as measurements that keep agreeing with each other are right and the filter is wrong:
-    its own variance is first raised by the square of the residual. Constraints of the vehicle
-    (kinds above 1) are never forced in.
+    The sensor states and their blocks: see kernels/transition.py. white (2, 3, 3): covariance
+    densities of the accelerometers and of the gyros; white_scale (n, 6) or (0, 6) multiplies the
+    variances sample by sample, accelerometers first. aid_offset (u, 3), aid_matrix (u,) and
+    matrices (t, 3, m): see kernels/update.py. gate (4,): largest normalised innovation squared
+    accepted for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind the
+    next one is let in, as measurements that keep agreeing with each other are right and the
+    filter is wrong: its own variance is first raised by the square of the residual. Constraints
+    of the vehicle and linear measurements (kinds above 1) are never forced in.
 
     vehicle: place of the vehicle's states among the sensor states (-1: none), mounting (3, 3) the
     nominal one, see kernels/vehicle.py; rolling and standing: see `constraint_applies`. A zero
@@ -129,9 +147,15 @@ def run_filter(
     m = sensor_state.size
     size = 9 + m
     updates = aid_time.size
+    widest = drift.shape[1]
     keep_samples = out_position.shape[0] > 0
     keep_nodes = node_covariance.shape[0] > 0
     scaled = white_scale.shape[0] > 0
+    discrete, modulated = False, False
+    for j in range(m):
+        discrete = discrete or interval[j] > 0.0
+        modulated = modulated or scaled_by[j] >= 0
+    shown = direction.copy() if modulated else direction
 
     rotation = np.empty((3, 3))
     rotation_from_quaternion(quaternion, rotation)
@@ -142,18 +166,21 @@ def run_filter(
     previous_angle, previous_velocity = np.zeros(3), np.zeros(3)
     part_angle, part_velocity = np.zeros(3), np.zeros(3)
     # 264 places a row: see navigation_rows
-    rows, errors = np.zeros(9 * 264), np.zeros(6 * 264)
+    rows, errors = np.zeros(max(9, widest) * 264), np.zeros(6 * 264)
     top, block_top = np.zeros(9 * 264), np.zeros(9 * 264)
-    transition, noise = np.empty((m, 2)), np.empty((m, 2))
-    total_top, total_sensor = np.zeros(9 * 264), np.empty((m, 2))
-    reset_transition(total_top, total_sensor)
+    transition, noise = np.zeros((m, widest)), np.zeros((m, widest))
+    power, power_noise = np.zeros((m, widest)), np.zeros((m, widest))
+    steps, moving, moved = np.zeros(m, np.int64), False, False
+    total_top, total_sensor = np.zeros(9 * 264), np.zeros((m, widest))
+    reset_transition(total_top, total_sensor, block)
+    state_work = np.empty(m)
     residual, deviation = np.empty(3), np.empty(3)
     design = np.empty((3, size))
     error, gain = np.empty(size), np.empty(size)
-    noise_now = white.copy()
+    noise_now, root = white.copy(), np.ones(6)
     likelihood = 0.0
     discretised = -1.0
-    refused = np.zeros(5, np.int64)
+    refused = np.zeros(6, np.int64)
     force, turn, acceleration = np.zeros(3), np.zeros(3), np.zeros(3)
     turn_variance, blend, turn_noise = np.zeros(3), 1.0, 1.0
     by_rate, noise_variance = np.zeros((3, 3)), np.zeros(3)
@@ -168,19 +195,24 @@ def run_filter(
         else:
             now = time[k - 1]
             step = end - now
+        if modulated:
+            scale_directions(gyro[k], accel[k], scaled_by, direction, shown)
+        if discrete and raise_blocks(
+            step, drift, diffusion, block, interval, steps, power, power_noise
+        ):
+            moved = False
+            set_blocks(moved, block, interval, power, power_noise, transition, noise)
         correct_sample(
-            gyro[k],
-            accel[k],
-            step,
-            sensor_state,
-            channel,
-            direction,
-            angle,
-            velocity_increment,
+            gyro[k], accel[k], step, sensor_state, channel, shown, angle, velocity_increment
         )
         if scaled:
             for i in range(6):
-                noise_now[i] = white[i] * white_scale[k, i]
+                root[i] = math.sqrt(white_scale[k, i])
+            for part in range(2):
+                for i in range(3):
+                    for c in range(3):
+                        both = root[3 * part + i] * root[3 * part + c]
+                        noise_now[part, i, c] = white[part, i, c] * both
         if k == 0:
             previous_angle[:] = angle
             previous_velocity[:] = velocity_increment
@@ -199,10 +231,17 @@ def run_filter(
                     part_angle[i] = angle[i] * share
                     part_velocity[i] = velocity_increment[i] * share
                 if abs(dt - discretised) > 1e-4 * dt:
-                    sensor_transition(dt, drift, diffusion, partner, transition, noise)
+                    sensor_transition(dt, drift, diffusion, block, interval, transition, noise)
                     discretised = dt
                 # in full here: a function of these 26 arrays would cost a fifth of the time
-                for _ in range(pieces):
+                for piece in range(pieces):
+                    if discrete:
+                        moving = piece == pieces - 1 and end - target <= 1e-9 * step
+                        if moving != moved:
+                            set_blocks(
+                                moving, block, interval, power, power_noise, transition, noise
+                            )
+                            moved = moving
                     sine = math.sin(position[0])
                     meridian, transverse = radii_of_curvature(sine)
                     transport[0] = 1.0 / (transverse + position[2])
@@ -227,8 +266,8 @@ def run_filter(
                         earth,
                         transport,
                         channel,
-                        direction,
-                        partner,
+                        shown,
+                        block,
                         transition,
                         noise,
                         noise_now,
@@ -246,22 +285,13 @@ def run_filter(
                             earth,
                             transport,
                             channel,
-                            direction,
-                            partner,
+                            shown,
+                            block,
                             transition,
                             errors,
                             top,
                         )
-                    for j in range(m):
-                        other = partner[j]
-                        if other < 0:
-                            sensor_state[j] *= transition[j, 0]
-                        elif other > j:
-                            x, y = sensor_state[j], sensor_state[other]
-                            sensor_state[j] = transition[j, 0] * x + transition[j, 1] * y
-                            sensor_state[other] = (
-                                transition[other, 1] * x + transition[other, 0] * y
-                            )
+                    move_sensor_states(sensor_state, block, transition, state_work)
                 now = target
             if not aiding and not (k == 0 or k == n - 1 or now - node_time[nodes] >= node_interval):
                 break
@@ -274,7 +304,7 @@ def run_filter(
                         for j in range(size):
                             node_top[nodes, i, j] = total_top[i * 264 + j]
                     node_transition[nodes] = total_sensor
-                    reset_transition(total_top, total_sensor)
+                    reset_transition(total_top, total_sensor, block)
                     node_error[nodes] = 0.0
                     node_aid[nodes, 0] = done
                     node_aid[nodes, 1] = done
@@ -297,7 +327,7 @@ def run_filter(
                         rotation,
                         body_rate,
                         channel,
-                        direction,
+                        shown,
                         residual,
                         design,
                     )
@@ -305,7 +335,7 @@ def run_filter(
                     for i in range(3):
                         acceleration[i] = force[i] + 9.8 * rotation[2, i]
                         body_rate[i] = turn[i] + blend * (body_rate[i] - turn[i])
-                        turn_variance[i] = turn_noise * noise_now[3 + i]
+                        turn_variance[i] = turn_noise * noise_now[1, i, i]
                     vehicle_velocity_model(
                         aid_value[done],
                         velocity,
@@ -314,7 +344,7 @@ def run_filter(
                         turn_variance,
                         acceleration,
                         channel,
-                        direction,
+                        shown,
                         sensor_state,
                         vehicle,
                         mounting,
@@ -325,7 +355,7 @@ def run_filter(
                     for i in range(3):
                         for c in range(3):
                             noise_variance[i] += by_rate[i, c] ** 2 * turn_variance[c]
-                else:
+                elif kind < 5:
                     if kind == 4:
                         correct_sample(
                             aid_value[done],
@@ -333,7 +363,7 @@ def run_filter(
                             1.0,
                             sensor_state,
                             channel,
-                            direction,
+                            shown,
                             body_rate,
                             part_velocity,
                         )
@@ -346,10 +376,19 @@ def run_filter(
                         rotation,
                         body_rate,
                         channel,
-                        direction,
+                        shown,
                         residual,
                         design,
                     )
+                else:
+                    linear_model(
+                        aid_value[done],
+                        matrices[aid_matrix[done]],
+                        sensor_state,
+                        residual,
+                        design,
+                    )
+                add_offset_states(aid_offset[done], sensor_state, residual, design)
                 nis, log_determinant, degrees = innovation_statistics(
                     residual, design, noise_variance, covariance, deviation
                 )
@@ -399,7 +438,7 @@ def run_filter(
                         step,
                         sensor_state,
                         channel,
-                        direction,
+                        shown,
                         angle,
                         velocity_increment,
                     )

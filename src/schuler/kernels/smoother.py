@@ -61,7 +61,7 @@ def back_through_transition(
     information: Array,
     top: Array,
     sensor: Array,
-    partner: Integers,
+    block: Integers,
     work: Array,
 ) -> None:
     """Lambda <- F' lambda and Lambda <- F' Lambda F, in place; F as the filter stores it."""
@@ -72,10 +72,13 @@ def back_through_transition(
         for k in range(9):
             work[i, k] = 0.0
         for j in range(m):
-            other = partner[j]
-            value = information[i, 9 + j] * sensor[j, 0]
-            if other >= 0:
-                value += information[i, 9 + other] * sensor[other, 1]
+            first, size = block[j, 0], block[j, 1]
+            if size == 1:
+                value = information[i, 9 + j] * sensor[j, 0]
+            else:
+                value = 0.0
+                for q in range(first, first + size):
+                    value += information[i, 9 + q] * sensor[q, j - first]
             work[i, 9 + j] = value
         for q in range(9):
             value = information[i, q]
@@ -87,15 +90,14 @@ def back_through_transition(
         for k in range(n):
             information[i, k] = 0.0
     for j in range(m):
-        other = partner[j]
-        own = sensor[j, 0]
-        if other >= 0:
-            cross = sensor[other, 1]
-            for k in range(n):
-                information[9 + j, k] = own * work[9 + j, k] + cross * work[9 + other, k]
-        else:
-            for k in range(n):
-                information[9 + j, k] = own * work[9 + j, k]
+        first, size = block[j, 0], block[j, 1]
+        for k in range(n):
+            information[9 + j, k] = 0.0
+        for q in range(first, first + size):
+            factor = sensor[q, j - first]
+            if factor != 0.0:
+                for k in range(n):
+                    information[9 + j, k] += factor * work[9 + q, k]
     for q in range(9):
         for i in range(n):
             value = top[q, i]
@@ -112,10 +114,10 @@ def back_through_transition(
     for i in range(9):
         adjoint[i] = 0.0
     for j in range(m):
-        other = partner[j]
-        value = sensor[j, 0] * work[0, 9 + j]
-        if other >= 0:
-            value += sensor[other, 1] * work[0, 9 + other]
+        first = block[j, 0]
+        value = 0.0
+        for q in range(first, first + block[j, 1]):
+            value += sensor[q, j - first] * work[0, 9 + q]
         adjoint[9 + j] = value
     for q in range(9):
         value = work[0, q]
@@ -130,7 +132,7 @@ def smooth_nodes(
     node_top: Array,
     node_transition: Array,
     node_aid: Integers,
-    partner: Integers,
+    block: Integers,
     aid_accepted: NDArray[np.bool_],
     aid_row: Array,
     aid_gain: Array,
@@ -185,6 +187,4 @@ def smooth_nodes(
                         aid_scalar[u, i, 1],
                         line,
                     )
-        back_through_transition(
-            adjoint, information, node_top[k], node_transition[k], partner, work
-        )
+        back_through_transition(adjoint, information, node_top[k], node_transition[k], block, work)

@@ -7,7 +7,7 @@ of row is compared with the state (kernels/update.py).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -23,13 +23,23 @@ VELOCITY = 1
 VEHICLE_VELOCITY = 2
 ZERO_VELOCITY = 3
 ZERO_RATE = 4
+LINEAR = 5
 KIND_NAMES = (
     "GNSS position",
     "GNSS velocity",
     "velocity across the vehicle",
     "zero velocity",
     "zero rate",
+    "linear function of sensor states",
 )
+
+
+def _none() -> NDArray[np.int64]:
+    return np.empty(0, dtype=np.int64)
+
+
+def _no_matrices() -> FloatArray:
+    return np.empty((0, 3, 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +58,15 @@ class AidingSchedule:
         North, east, down; infinite where a component was not measured.
     lever_arm : (u, 3) ndarray
         Of the sensor from the IMU in the body frame, m.
+    offset_state : (u, 3) ndarray of int
+        For each component the place among the sensor states of an error that adds to what is
+        measured (a Gauss-Markov error of GNSS, a barometer's bias); -1, and left out: none.
+    matrix : (u,) ndarray of int
+        Which of `matrices` belongs to a measurement of kind `LINEAR`; -1 elsewhere.
+    matrices : (t, 3, m) ndarray
+        G of the measurements z = G x + noise of the m sensor states x (true values), value z,
+        `variance` of the noise. More than three rows are several measurements at one time;
+        correlated noise has to be whitened before.
     """
 
     time: FloatArray
@@ -55,6 +74,15 @@ class AidingSchedule:
     value: FloatArray
     variance: FloatArray
     lever_arm: FloatArray
+    offset_state: NDArray[np.int64] = field(default_factory=_none)
+    matrix: NDArray[np.int64] = field(default_factory=_none)
+    matrices: FloatArray = field(default_factory=_no_matrices)
+
+    def __post_init__(self) -> None:
+        if self.offset_state.size == 0:
+            object.__setattr__(self, "offset_state", np.full((self.size, 3), -1, dtype=np.int64))
+        if self.matrix.size == 0:
+            object.__setattr__(self, "matrix", np.full(self.size, -1, dtype=np.int64))
 
     @property
     def size(self) -> int:
@@ -169,12 +197,79 @@ def merge_schedules(parts: Sequence[AidingSchedule], start: float, stop: float) 
     time = np.concatenate([p.time for p in parts])
     order = np.argsort(time, kind="stable")
     order = order[(time[order] >= start) & (time[order] <= stop)]
+    tables = [p.matrices for p in parts if p.matrices.size]
+    before = np.cumsum([0, *(len(p.matrices) if p.matrices.size else 0 for p in parts)])
+    matrix = [
+        np.where(p.matrix >= 0, p.matrix + k, -1) for p, k in zip(parts, before, strict=False)
+    ]
     return AidingSchedule(
         time=np.ascontiguousarray(time[order]),
         kind=np.concatenate([p.kind for p in parts])[order],
         value=np.concatenate([p.value for p in parts])[order],
         variance=np.concatenate([p.variance for p in parts])[order],
         lever_arm=np.concatenate([p.lever_arm for p in parts])[order],
+        offset_state=np.concatenate([p.offset_state for p in parts])[order],
+        matrix=np.concatenate(matrix)[order],
+        matrices=np.concatenate(tables) if tables else _no_matrices(),
+    )
+
+
+def linear_measurements(
+    time: ArrayLike, value: ArrayLike, matrix: ArrayLike, covariance: ArrayLike
+) -> AidingSchedule:
+    """Measure linear functions of the sensor states: z = G x + noise. Spec 7.5.
+
+    Parameters
+    ----------
+    time : (k,) array_like
+        Seconds on the IMU's axis.
+    value : (k, r) array_like
+        z at each time.
+    matrix : (r, m) array_like
+        G, the same at all times; x are the sensor errors themselves, not what is left of them.
+    covariance : (r, r) array_like
+        Of the noise of one z, with correlations; they are whitened here.
+
+    Returns
+    -------
+    AidingSchedule
+        ceil(r / 3) measurements of kind `LINEAR` a time. Their normalised squares add up to that
+        of the whole z.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not fit, or a covariance that is not positive definite.
+    """
+    when = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    z = np.atleast_2d(np.asarray(value, dtype=np.float64))
+    g = np.atleast_2d(np.asarray(matrix, dtype=np.float64))
+    rows, count = g.shape[0], when.size
+    if z.shape != (count, rows) or np.shape(covariance) != (rows, rows):
+        raise InputError(
+            f"values of shape {z.shape}, a matrix of {g.shape}, a covariance of "
+            f"{np.shape(covariance)} at {count} times",
+            expected="(times, r), (r, states) and (r, r)",
+        )
+    try:
+        whiten = np.linalg.inv(np.linalg.cholesky(np.asarray(covariance, dtype=np.float64)))
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            "the covariance of a linear measurement is not positive definite",
+            expected="independent rows, each with noise",
+        ) from error
+    parts = -(-rows // 3)
+    table, values = np.zeros((3 * parts, g.shape[1])), np.zeros((count, 3 * parts))
+    variance = np.full((count, 3 * parts), np.inf)
+    table[:rows], values[:, :rows], variance[:, :rows] = whiten @ g, z @ whiten.T, 1.0
+    return AidingSchedule(
+        time=np.repeat(when, parts),
+        kind=np.full(count * parts, LINEAR, dtype=np.int64),
+        value=values.reshape(-1, 3),
+        variance=variance.reshape(-1, 3),
+        lever_arm=np.zeros((count * parts, 3)),
+        matrix=np.tile(np.arange(parts), count),
+        matrices=table.reshape(parts, 3, -1),
     )
 
 

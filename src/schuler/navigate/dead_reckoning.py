@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from schuler.data import ImuRecording
 from schuler.navigate.aiding import AidingSchedule
 from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
-from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.sensor_states import no_sensor_states
 
 FloatArray = NDArray[np.float64]
 
@@ -41,19 +41,6 @@ def dead_reckon(
     )
     start = InitialState(position, velocity, rotation, np.empty(0), np.zeros((9, 9)))
     run = run_engine(
-        imu, start, _still_model(), nothing, gate=gate_thresholds(0.0), keep_nodes=False
+        imu, start, no_sensor_states(), nothing, gate=gate_thresholds(0.0), keep_nodes=False
     )
     return run.samples.position, run.samples.velocity, run.samples.rotation
-
-
-def _still_model() -> SensorErrorModel:
-    return SensorErrorModel(
-        channel=np.empty(0, dtype=np.int64),
-        direction=np.empty((0, 3)),
-        drift=np.empty((0, 2)),
-        diffusion=np.empty((0, 2)),
-        partner=np.empty(0, dtype=np.int64),
-        initial_covariance=np.empty((0, 0)),
-        white_density=np.zeros(6),
-        names=(),
-    )

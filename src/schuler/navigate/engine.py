@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigate.aiding import AidingSchedule
-from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.aiding import LINEAR, AidingSchedule
+from schuler.navigate.sensor_states import SensorErrorModel
 
 FloatArray = NDArray[np.float64]
 
@@ -188,11 +188,13 @@ def run_engine(
     Raises
     ------
     NavigationError
-        The state stopped being finite.
+        The state stopped being finite, or a measurement refers to states that do not exist.
     """
     from schuler.kernels.filter import run_filter
     from schuler.rotations import quaternion_from_dcm
 
+    layout = model.layout()
+    _check_schedule(schedule, model)
     n, m, u = imu.size, model.size, schedule.size
     s = 9 + m
     rows = n if keep_samples else 0
@@ -222,7 +224,7 @@ def run_engine(
         sensor_sd=np.zeros((k, m)),
         covariance=np.empty((kept, s, s)),
         top=np.empty((kept, 9, s)),
-        transition=np.empty((kept, m, 2)),
+        transition=np.empty((kept, m, layout.drift.shape[1])),
         error=np.empty((kept, s)),
         aid=np.zeros((kept, 2), dtype=np.int64),
     )
@@ -235,18 +237,23 @@ def run_engine(
         np.ascontiguousarray(quaternion_from_dcm(initial.rotation)),
         initial.sensor_state.copy(),
         initial.covariance.copy(),
-        model.channel,
-        model.direction,
-        model.drift,
-        model.diffusion,
-        model.partner,
-        model.white_density**2,
+        layout.channel,
+        layout.direction,
+        layout.scaled_by,
+        layout.block,
+        layout.interval,
+        layout.drift,
+        layout.diffusion,
+        model.white_covariance,
         np.empty((0, 6)) if white_scale is None else white_scale,
         schedule.time,
         schedule.kind,
         schedule.value,
         schedule.variance,
         schedule.lever_arm,
+        schedule.offset_state,
+        schedule.matrix,
+        schedule.matrices if schedule.matrices.size else np.zeros((1, 3, m)),
         gate,
         PATIENCE,
         LONGEST_STEP,
@@ -289,3 +296,22 @@ def run_engine(
         **{name: getattr(nodes, name)[:count] for name in NodeOutputs.__dataclass_fields__}
     )
     return FilterRun(samples=samples, aiding=aiding, nodes=nodes, log_likelihood=likelihood)
+
+
+def _check_schedule(schedule: AidingSchedule, model: SensorErrorModel) -> None:
+    """The kernel does not look whether a measurement refers to states that exist."""
+    linear = schedule.kind == LINEAR
+    if np.any(linear):
+        count, _, width = schedule.matrices.shape
+        if width != model.size:
+            raise NavigationError(
+                f"linear measurements of {width} sensor states, the model has {model.size}",
+                expected="a column for every sensor state",
+            )
+        if np.any((schedule.matrix[linear] < 0) | (schedule.matrix[linear] >= count)):
+            raise NavigationError("a linear measurement refers to no matrix")
+    if np.any(schedule.offset_state >= model.size):
+        raise NavigationError(
+            f"a measurement refers to sensor state {int(schedule.offset_state.max())}, "
+            f"the model has {model.size}"
+        )

@@ -80,6 +80,7 @@ def prepare(
         noise_model or generic_noise_model(),
         turn_on_accel=turn_on_accel,
         turn_on_gyro=turn_on_gyro,
+        interval=float(np.median(np.diff(imu.time))),
     )
     estimate = time_offset == "estimate"
     offsets = _given_offsets(time_offset, gnss)

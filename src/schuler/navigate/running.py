@@ -23,8 +23,8 @@ from schuler.navigate.engine import (
     gate_thresholds,
     run_engine,
 )
-from schuler.navigate.error_model import SensorErrorModel
 from schuler.navigate.mounting import estimate_mounting
+from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import RunSetup
 from schuler.navigate.smoother import smooth_run
 

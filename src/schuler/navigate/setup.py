@@ -5,7 +5,7 @@ Gathered in one frozen record, so that a run can be repeated exactly and a repor
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from schuler.navigate.aiding import (
 )
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.engine import InitialState
-from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel
+from schuler.navigate.sensor_states import FILTER_CHANNELS, SensorErrorModel
 from schuler.navigate.vehicle import VehicleConstraint
 from schuler.navigate.vibration import VibrationResponse, vibration_level
 
@@ -80,12 +80,10 @@ class NoiseFactors:
         SensorErrorModel
             Same states.
         """
-        drive = np.where(model.channel < 3, self.drive_accel, self.drive_gyro)
-        return replace(
-            model,
-            white_density=model.white_density * self.white,
-            diffusion=model.diffusion * (drive**2)[:, None],
-        )
+        by_channel = np.array([self.drive_accel] * 3 + [self.drive_gyro] * 3 + [1.0])
+        # states without a channel, -1, keep theirs
+        drive = by_channel[model.channel]
+        return model.with_noise(self.white, drive)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

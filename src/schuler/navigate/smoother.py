@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from schuler.earth import metres_per_radian
 from schuler.errors import NavigationError
 from schuler.navigate.engine import FilterRun, SampleOutputs
-from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.rotations import dcm_from_rotation_vector
 
 FloatArray = NDArray[np.float64]
@@ -75,7 +75,7 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
         nodes.top,
         nodes.transition,
         nodes.aid,
-        model.partner,
+        model.layout().block,
         aiding.accepted,
         aiding.row,
         aiding.gain,

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
 from schuler.navigate.alignment import Alignment
-from schuler.navigate.error_model import SensorErrorModel
 from schuler.navigate.likelihood import InnovationSequence, innovations, slower_imu, thin
+from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigate.vibration import VibrationResponse, level_at, vibration_level
 

@@ -10,7 +10,7 @@ equations are in kernels/vehicle.py. Spec 10, "constraints".
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from schuler.data import ImuRecording
 from schuler.errors import InputError
 from schuler.navigate.aiding import VEHICLE_VELOCITY, ZERO_RATE, ZERO_VELOCITY, AidingSchedule
 from schuler.navigate.engine import VehicleStates
-from schuler.navigate.error_model import SensorErrorModel
+from schuler.navigate.sensor_states import SensorErrorModel
 
 FloatArray = NDArray[np.float64]
 
@@ -184,24 +184,10 @@ def with_vehicle_states(model: SensorErrorModel) -> SensorErrorModel:
     Returns
     -------
     SensorErrorModel
-        With `STATES` at its end; they show in no channel.
+        With `STATES` at its end; they show in measurements only.
     """
-    count = len(STATES)
-    size = model.size + count
-    initial = np.zeros((size, size))
-    initial[: model.size, : model.size] = model.initial_covariance
-    initial[range(model.size, size), range(model.size, size)] = [sd**2 for _, sd, _ in STATES]
-    walk = np.array([[density**2, 0.0] for _, _, density in STATES])
-    return replace(
-        model,
-        channel=np.concatenate([model.channel, np.zeros(count, dtype=np.int64)]),
-        direction=np.concatenate([model.direction, np.zeros((count, 3))]),
-        drift=np.concatenate([model.drift, np.zeros((count, 2))]),
-        diffusion=np.concatenate([model.diffusion, walk]),
-        partner=np.concatenate([model.partner, np.full(count, -1, dtype=np.int64)]),
-        initial_covariance=initial,
-        names=(*model.names, *(name for name, _, _ in STATES)),
-    )
+    names, sd, walk = zip(*STATES, strict=True)
+    return model.with_states(names, sd, walk_density=walk)
 
 
 def check_constraints(aiding: Sequence[str]) -> tuple[str, ...]:
