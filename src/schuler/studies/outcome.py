@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from schuler.errors import ModelError
-
-FloatArray = NDArray[np.float64]
 
 Verdict = Literal[
     "reproduced",
@@ -21,6 +19,7 @@ Verdict = Literal[
     "beyond the paper",
 ]
 Source = Literal["spec", "theory", "frozen"]
+Mark = Literal["line", "dash", "points", "band"]
 Role = Literal["printed", "ours", "theory", "paper", "better", "data", "x", "y", "z", "other"]
 
 
@@ -177,12 +176,12 @@ class Curve:
     """
 
     name: str
-    x: FloatArray
-    y: FloatArray
+    x: ArrayLike
+    y: ArrayLike
     role: Role = "ours"
-    mark: Literal["line", "dash", "points", "band"] = "line"
-    lower: FloatArray | None = None
-    upper: FloatArray | None = None
+    mark: Mark = "line"
+    lower: ArrayLike | None = None
+    upper: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         columns = {}
@@ -191,7 +190,7 @@ class Curve:
             if value is not None:
                 columns[name] = np.atleast_1d(np.asarray(value, dtype=np.float64))
                 object.__setattr__(self, name, columns[name])
-        if len({c.shape for c in columns.values()}) != 1 or self.x.ndim != 1:
+        if len({c.shape for c in columns.values()}) != 1 or columns["x"].ndim != 1:
             raise ModelError(f"curve '{self.name}' has columns of different lengths")
         if self.mark == "band" and (self.lower is None or self.upper is None):
             raise ModelError(f"band '{self.name}' has no ends")

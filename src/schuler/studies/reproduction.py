@@ -174,7 +174,7 @@ def named_parts(label: str) -> set[tuple[str, str]]:
     set of (str, str)
         Kind and number: ("fig", "9"), ("fig", "10"), ("fig", "11"), ("eq", "12").
     """
-    text = label.lower().replace("\u2013", "-")
+    text = label.lower().translate(str.maketrans("\u2013()", "-  "))
     slips = set(re.findall(r"e-\d+-\d+", text))
     parts = {("slip", slip) for slip in slips}
     for slip in slips:

@@ -1,0 +1,46 @@
+"""Every table and figure of the papers, small: each row in its band, none missing (spec 8, 11)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from schuler.studies.reproduction import named_parts, reproduce, select
+
+FIGURES = {
+    "tamazin2013": (1, 2, 3, 4, 5, 6, 7),
+}
+TABLES = {"tamazin2013": (1, 2)}
+EQUATIONS = {"tamazin2013": (*range(1, 30),)}
+SLIPS = {"tamazin2013": (1, 3, 4, 5, 6, 7, 8, 9, 10, 12)}
+
+
+@pytest.mark.parametrize("paper", FIGURES)
+def test_nothing_of_a_paper_is_missing(paper: str) -> None:
+    parts = set()
+    for _, items in select([paper]):
+        for item in items:
+            parts |= named_parts(item.label)
+    for kind, numbers in (("fig", FIGURES), ("table", TABLES), ("eq", EQUATIONS)):
+        missing = [n for n in numbers[paper] if (kind, str(n)) not in parts]
+        assert not missing, f"{kind} {missing}"
+    number = next(s for kind, s in parts if kind == "slip")[2:5]
+    assert {f"e-{number}-{n}" for n in SLIPS[paper]} <= {s for kind, s in parts if kind == "slip"}
+
+
+@pytest.mark.parametrize("paper", FIGURES)
+def test_every_row_lies_in_its_band(paper: str, data_folder: Path) -> None:
+    done = reproduce([paper], data=data_folder)
+    assert not done.left_out
+    bad = [
+        f"{r.item.label}: {row.quantity}: {row.estimate} outside {row.band}"
+        for r in done.items
+        for row in r.outcome.rows
+        if not row.holds
+    ]
+    assert not bad
+    for result in done.items:
+        assert result.item.title
+        assert result.item.claim
+        assert result.outcome.rows
