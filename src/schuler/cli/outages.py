@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from schuler.cli.outage_models import ModelOptions
 from schuler.cli.reading import DriveReading
 from schuler.cli.running import RunOptions
 from schuler.errors import InputError
@@ -29,6 +30,7 @@ def outages(
     limit: float | None = None,
     report: Path | None = None,
     json: Path | None = None,
+    told: Annotated[ModelOptions | None, Parameter(name="*")] = None,
     known: Annotated[RunOptions | None, Parameter(name="*")] = None,
     reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
 ) -> int:
@@ -50,30 +52,51 @@ def outages(
         SECONDS:EVERY, windows of that length beginning every so many seconds; those that
         overlap are dealt into several runs.
     limit : float, optional
-        Exit with code 1 when the causal mean of the largest errors is above so many m.
+        Exit with code 1 when the causal mean of the largest errors (of the first error model) is
+        above so many m.
     report : Path, optional
         Write a self-contained HTML page here.
     json : Path, optional
         Write all results here; - for standard output.
+    told : ModelOptions, optional
+        Which error models to compare.
     known : RunOptions, optional
         What is known about the run.
     reading : DriveReading, optional
         How to read the files.
     """
-    from schuler.cli.console import Screen, say
+    from schuler.cli.console import Screen
     from schuler.cli.loading import load_noise, say_when_compiling, title_of
     from schuler.cli.navigate import load_drive
+    from schuler.cli.outage_models import compare, comparison_json, show_comparison
     from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.cli.provenance import command_provenance
     from schuler.evaluate.outages import evaluate_outages
+    from schuler.report import render_report
     from schuler.scale.progress import progress
 
-    inputs = (imu, gnss, *((noise,) if noise else ()))
+    options = told or ModelOptions()
+    inputs = tuple(f for f in (imu, gnss, noise, options.static) if f is not None)
     outputs = Outputs(report, json, inputs=inputs)
     which = parse_windows(window, sweep)
     keywords = (known or RunOptions()).keywords()
+    models = options.names
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
     say_when_compiling()
+    if models:
+        comparison = compare(recording, fixes, model, options, keywords | which)
+        settings = which | {"models": models, "shared": comparison.settings}
+        origin = command_provenance(inputs=inputs, settings=settings)
+        title = f"Error models in GNSS outages on {title_of(imu)}"
+        if report is not None:
+            text = render_report(comparison, title=title, provenance=origin)
+            outputs.text(report, lambda: text)
+        outputs.text(
+            json, lambda: json_text(comparison_json(comparison) | {"provenance": origin.to_dict()})
+        )
+        show_comparison(Screen(json_on_stdout=json == STDOUT), comparison, outputs.commit())
+        return _judge(comparison.results[0].all_causal.mean_of_max_m, limit)
     with progress("Evaluating outages") as shown:
         evaluation = evaluate_outages(
             recording, fixes, model, progress=shown.say, **keywords, **which
@@ -84,7 +107,12 @@ def outages(
     outputs.text(json, lambda: json_text(evaluation.to_dict()))
     written = outputs.commit()
     show_outages(Screen(json_on_stdout=json == STDOUT), evaluation, written)
-    mean = evaluation.causal.mean_of_max_m
+    return _judge(evaluation.causal.mean_of_max_m, limit)
+
+
+def _judge(mean: float, limit: float | None) -> int:
+    from schuler.cli.console import say
+
     if limit is not None and not mean <= limit:
         say(f"check failed: mean of the largest errors {mean:.3g} m is above {limit:g} m")
         return 1
