@@ -12,7 +12,7 @@ from schuler.data import CHANNELS
 from schuler.errors import InputError, ModelError
 from schuler.navigate.allan_readings import AllanReading, allan_readings
 from schuler.navigate.autoregressive_fits import autoregressive_fits
-from schuler.navigate.error_models import error_model, first_order_as_gauss_markov
+from schuler.navigate.error_models import error_model
 from schuler.navigate.sensor_denoising import SensorDenoising
 from schuler.processes import (
     Autoregressive,
@@ -41,6 +41,7 @@ GYRO = AllanReading(
 )
 READINGS = {c: GYRO if c.startswith("gyro") else ACCEL for c in CHANNELS}
 AR1 = {c: Autoregressive((-0.999,), 1e-10, DT) for c in CHANNELS}
+AR3 = {c: Autoregressive((-2.5613, 2.126, -0.5646), 3e-13, DT) for c in CHANNELS}
 
 
 def model(accel: Process, gyro: Process) -> NoiseModel:
@@ -56,16 +57,46 @@ def model(accel: Process, gyro: Process) -> NoiseModel:
         ("18AV", 18),
         ("18AVWD", 18),
         ("15AR", 15),
+        ("27AR", 27),
         ("15AV+corrected", 15),
         # a constant on all six, where 18AV has a walk on the accelerometers already
         ("15AV+turn-on", 21),
         ("18av+turn-on", 21),
         # four Gauss-Markov noises on all, walk or constant on all
         ("flicker4", 9 + 24 + 6),
+        ("18AV+scale", 18 + 6),
+        ("18AV+turn-on+scale+misalignment", 21 + 6 + 12),
     ],
 )
 def test_states_are_those_of_table_8(name: str, states: int) -> None:
-    assert error_model(name, READINGS, autoregressive=AR1).states == states
+    fits = AR3 if name == "27AR" else AR1
+    assert error_model(name, READINGS, autoregressive=fits).states == states
+
+
+def test_27ar_is_the_companion_of_the_fit_and_shows_its_newest_state() -> None:
+    # S004 (31)-(36): eigenvalues are the roots, b0² drives the newest state, which alone shows
+    model27 = error_model("27AR", READINGS, autoregressive=AR3)
+    sensors = model27.sensor_model(0.02, 1e-3)
+    assert len(sensors.blocks) == 6
+    for c, block in enumerate(sensors.blocks):
+        own = slice(block.first, block.first + 3)
+        roots = np.sort_complex(np.linalg.eigvals(block.transition))
+        np.testing.assert_allclose(roots, np.sort_complex(AR3["gyro_x"].poles), atol=1e-8)
+        np.testing.assert_allclose(block.noise_covariance, np.diag([0.0, 0.0, 3e-13]))
+        shown = np.nan_to_num(sensors.direction[own], nan=1.0)[:, c % 3]
+        np.testing.assert_array_equal(shown, [0.0, 0.0, 1.0])
+        # all lags share what is not known at switch-on
+        turn_on = 0.02 if c < 3 else 1e-3
+        stationary = AR3["gyro_x"].state_space(DT).initial_covariance
+        np.testing.assert_allclose(
+            sensors.initial_covariance[own, own], stationary + turn_on**2, rtol=1e-9
+        )
+    with pytest.raises(ModelError, match="sample interval"):
+        model27.sensor_model(0.02, 1e-3, 0.013)
+    # AR(1) is changed exactly to any interval
+    ar1 = error_model("15AR", READINGS, autoregressive=AR1).sensor_model(0.0, 0.0, 0.013)
+    np.testing.assert_allclose(ar1.drift[:, 0], np.log(0.999) / DT, rtol=1e-9)
+    np.testing.assert_allclose(np.diag(ar1.initial_covariance), 1e-10 / (1 - 0.999**2), rtol=1e-9)
 
 
 def test_the_paper_takes_the_plateau_for_sigma_and_the_correction_does_not() -> None:
@@ -103,24 +134,6 @@ def test_without_a_constant_state_the_start_is_forgotten() -> None:
         assert sensors.initial_covariance[own[0], own[0]] == pytest.approx(sigma**2 + turn_on**2)
     held = error_model("15AV+turn-on", READINGS).sensor_model(0.02, 1e-3)
     assert all(held.constant_states(c).size == 1 for c in range(6))
-
-
-def test_an_ar1_is_the_gauss_markov_noise_of_its_step() -> None:
-    fit = Autoregressive((-0.9989,), 1.014e-10, DT)
-    noise = model(WhiteNoise(1e-3) + fit, WhiteNoise(1e-4) + fit)
-    written = first_order_as_gauss_markov(noise).process("gyro_x").parts[1]
-    mine, theirs = written.state_space(DT), fit.state_space(DT)
-    for name in ("transition", "noise_covariance", "initial_covariance"):
-        np.testing.assert_allclose(getattr(mine, name), getattr(theirs, name), rtol=1e-9)
-    # changed exactly to three times the step as well
-    np.testing.assert_allclose(
-        written.state_space(3 * DT).noise_covariance,
-        fit.state_space(3 * DT).noise_covariance,
-        rtol=1e-9,
-    )
-    alternating = Autoregressive((0.5,), 1.0, DT)
-    kept = first_order_as_gauss_markov(model(alternating, alternating)).process("gyro_x").parts[0]
-    assert kept == alternating
 
 
 def test_readings_of_a_model_give_its_numbers_back() -> None:

@@ -199,7 +199,11 @@ class ErrorModelComparison:
 
 
 def with_error_model(
-    setup: RunSetup, model: ErrorModel, turn_on_accel: float, turn_on_gyro: float
+    setup: RunSetup,
+    model: ErrorModel,
+    turn_on_accel: float,
+    turn_on_gyro: float,
+    interval: float,
 ) -> RunSetup:
     """Return a setup whose filter is told another error model, all else the same.
 
@@ -211,13 +215,15 @@ def with_error_model(
         The other.
     turn_on_accel, turn_on_gyro : float
         As for `prepare`.
+    interval : float
+        Sample interval of the IMU, s.
 
     Returns
     -------
     RunSetup
         The vehicle's states, if any, behind those of the model.
     """
-    sensors = model.sensor_model(turn_on_accel, turn_on_gyro)
+    sensors = model.sensor_model(turn_on_accel, turn_on_gyro, interval)
     vehicle = setup.vehicle
     if vehicle is not None and vehicle.first_state >= 0:
         vehicle = replace(vehicle, first_state=sensors.size)
@@ -298,7 +304,7 @@ def compare_error_models(
             if progress is not None:
                 progress(f"run {number + 1} of {len(groups)}: {model.name}")
             own = _same_span(measured[model.name], cut)
-            told = with_error_model(setup, model, turn_on_accel, turn_on_gyro)
+            told = with_error_model(setup, model, turn_on_accel, turn_on_gyro, 1.0 / imu.rate)
             done = run(own, used, told, smooth=smooth, false_alarm=false_alarm)
             nis[model.name].append(done.causal.innovations.gnss.mean_nis)
             for solution in (done.causal, done.smoothed):

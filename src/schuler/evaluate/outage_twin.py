@@ -208,7 +208,7 @@ def run_outages(
     if tracks is not None:
         tracks.extend({} for _ in twin.windows)
     for model in models:
-        sensors = model.sensor_model(twin.turn_on_accel, twin.turn_on_gyro)
+        sensors = model.sensor_model(twin.turn_on_accel, twin.turn_on_gyro, 1.0 / twin.ideal.rate)
         setup = RunSetup(sensors, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
         done = run(model.measured(drawn.imu), drawn.gnss, setup, false_alarm=0.0).causal
         judged = tuple(

@@ -7,17 +7,22 @@ model says so in `notes`, and "+corrected" takes the right parameters. The other
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError, ModelError
 from schuler.navigate.allan_readings import AllanReading
-from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
+from schuler.navigate.error_model import (
+    SensorErrorModel,
+    sensor_error_model,
+    with_misalignments,
+    with_scale_factors,
+)
 from schuler.navigate.sensor_denoising import SensorDenoising
 from schuler.processes import (
+    ARMA,
     Autoregressive,
     BiasInstability,
     GaussMarkov,
@@ -82,13 +87,17 @@ class ErrorModel:
     scale_factor_sd: float = 0.0
     misalignment_sd: float = 0.0
 
-    def sensor_model(self, turn_on_accel: float, turn_on_gyro: float) -> SensorErrorModel:
+    def sensor_model(
+        self, turn_on_accel: float, turn_on_gyro: float, interval: float | None = None
+    ) -> SensorErrorModel:
         """Return the states and the white noise for the filter.
 
         Parameters
         ----------
         turn_on_accel, turn_on_gyro : float
             Standard deviation of the constant at switch-on, m/s² and rad/s.
+        interval : float, optional
+            Sample interval of the IMU, s; default: that of the AR models in it.
 
         Returns
         -------
@@ -98,14 +107,25 @@ class ErrorModel:
         Raises
         ------
         ModelError
-            A process that the filter cannot hold at its sample step.
+            An AR model of another sample interval that cannot be changed to this one exactly.
         """
-        return sensor_error_model(
-            first_order_as_gauss_markov(self.noise_model),
+        model = sensor_error_model(
+            self.noise_model,
             turn_on_accel=turn_on_accel,
             turn_on_gyro=turn_on_gyro,
+            interval=interval or self.interval,
             hold_constants=self.hold_constants,
         )
+        scale, turned = self.scale_factor_sd, self.misalignment_sd
+        model = with_scale_factors(model, accel_sd=scale, gyro_sd=scale)
+        return with_misalignments(model, accel_sd=turned, gyro_sd=turned)
+
+    @property
+    def interval(self) -> float | None:
+        """Sample interval of the AR models in it, s; None without any."""
+        parts = [p for c in self.noise_model.channels for p in self.noise_model.process(c).parts]
+        found = [p.interval for p in parts if isinstance(p, Autoregressive | ARMA)]
+        return max(found, default=None)
 
     @property
     def states(self) -> int:
@@ -310,34 +330,3 @@ def _autoregressive(
         "counts its white noise a second time as bias; it says nothing about the slow bias"
     )
     return processes
-
-
-def first_order_as_gauss_markov(noise_model: NoiseModel) -> NoiseModel:
-    """Write every AR(1) as the Gauss-Markov noise that it is at its own step.
-
-    Parameters
-    ----------
-    noise_model : NoiseModel
-        Any.
-
-    Returns
-    -------
-    NoiseModel
-        The same at the step of each AR(1), and at any other step what it is changed to exactly;
-        AR of higher order, and AR(1) with a pole at or below zero, stay as they are.
-    """
-    processes = {
-        c: ProcessSum(tuple(_gauss_markov(p) for p in noise_model.process(c).parts))
-        for c in noise_model.channels
-    }
-    return replace(noise_model, processes=processes, standard_errors={}, limits={})
-
-
-def _gauss_markov(process: Process) -> Process:
-    if not isinstance(process, Autoregressive) or process.order != 1:
-        return process
-    pole = -process.coefficients[0]
-    if pole <= 0.0:
-        return process
-    sigma = math.sqrt(process.driving_variance / ((1.0 - pole) * (1.0 + pole)))
-    return GaussMarkov(sigma, -process.interval / math.log(pole))
