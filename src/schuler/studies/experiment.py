@@ -64,12 +64,15 @@ class Item:
         What the paper says, in one sentence.
     judge : callable
         ``(results, size) -> Outcome``.
+    slips : tuple of str
+        Labels of further slips that its rows prove, so that they can be asked for.
     """
 
     label: str
     title: str
     claim: str
     judge: Callable[[Results, Size], Outcome]
+    slips: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -223,7 +223,7 @@ def select(
                 for i in experiment.items
                 if item is None
                 or i.label.lower() == item.lower()
-                or (wanted and wanted <= named_parts(i.label))
+                or (wanted and wanted <= named_parts(" ".join((i.label, *i.slips))))
             )
             if items:
                 chosen.append((experiment, items))
