@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from schuler.identify.maximum_likelihood import fit_maximum_likelihood
     from schuler.identify.orthogonal_search.search import FosFit, fast_orthogonal_search
     from schuler.identify.residuals.tests import arch_lm_test, ljung_box_test
-    from schuler.navigate import navigate
+    from schuler.navigate import navigate, navigate_array
     from schuler.processes import (
         BiasInstability,
         GaussMarkov,
@@ -129,7 +129,7 @@ _HOMES = {
     ),
     "schuler.denoise": ("CausalDenoiser", "Denoised", "denoise"),
     "schuler.simulate": ("simulate_gnss", "simulate_imu", "simulate_static"),
-    "schuler.navigate": ("navigate",),
+    "schuler.navigate": ("navigate", "navigate_array"),
     "schuler.evaluate.outages": ("OutageEvaluation", "evaluate_outages"),
     "schuler.export.kalibr": ("kalibr_yaml", "write_kalibr"),
     "schuler.report": ("write_report",),
@@ -197,6 +197,7 @@ __all__ = [
     "kalibr_yaml",
     "ljung_box_test",
     "navigate",
+    "navigate_array",
     "power_spectral_density",
     "read_gnss",
     "read_imu",

@@ -1,13 +1,16 @@
 """Alignment, strapdown, error model, aiding, filter, smoother: from recordings to a trajectory."""
 
+from schuler.navigate.mechanizations import ArrayNavigation, navigate_array
 from schuler.navigate.navigation import navigate, withhold
 from schuler.navigate.preparation import generic_noise_model, prepare
 from schuler.navigate.running import NavigationRun, run
 
 __all__ = [
+    "ArrayNavigation",
     "NavigationRun",
     "generic_noise_model",
     "navigate",
+    "navigate_array",
     "prepare",
     "run",
     "withhold",

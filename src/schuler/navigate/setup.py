@@ -87,6 +87,22 @@ class NoiseFactors:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SensorStart:
+    """What is known of the first sensor states at the first sample, instead of the model's word.
+
+    Parameters
+    ----------
+    state : (p,) ndarray
+        Estimates, SI.
+    covariance : (p, p) ndarray
+        Of their errors.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RunSetup:
     """Everything a run needs besides the recordings.
 
@@ -106,6 +122,10 @@ class RunSetup:
         How the white noise follows vibration.
     vehicle : VehicleConstraint or None
         What is known of the vehicle; its states are then the last of the model's.
+    sensor_start : SensorStart or None
+        Of the first states of the model; None: from model and alignment.
+    sources : tuple of Aiding
+        Measurements besides GNSS and vehicle: parity, for instance.
     """
 
     model: SensorErrorModel
@@ -115,6 +135,8 @@ class RunSetup:
     lever_arm: FloatArray
     vibration: VibrationResponse = CONSTANT_NOISE
     vehicle: VehicleConstraint | None = None
+    sensor_start: SensorStart | None = None
+    sources: tuple[Aiding, ...] = ()
 
     def white_scale(self, imu: ImuRecording) -> FloatArray | None:
         """Return what multiplies the squared white-noise densities sample by sample.
@@ -152,7 +174,7 @@ class RunSetup:
             GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
             GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
         )
-        rows = [s.rows() for s in sources]
+        rows = [s.rows() for s in (*sources, *self.sources)]
         if self.vehicle is not None:
             rows += self.vehicle.rows(imu, self.model.white_density[3:])
         return merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
@@ -188,7 +210,11 @@ class RunSetup:
         )
         covariance[9:, 9:] = model.initial_covariance
         state = np.zeros(model.size)
-        if start.gyro_bias_sd is not None:
+        if self.sensor_start is not None:
+            known = self.sensor_start.state.size
+            state[:known] = self.sensor_start.state
+            covariance[9 : 9 + known, 9 : 9 + known] = self.sensor_start.covariance
+        elif start.gyro_bias_sd is not None:
             for axis in range(3):
                 for j in model.constant_states(3 + axis)[:1]:
                     state[j] = start.gyro_bias[axis]
