@@ -103,8 +103,9 @@ def car_with_set_pieces(
     stages: list[tuple[float, Sequence[Block]]] = []
     for piece, parts in zip(pieces, built, strict=True):
         # a stage of next to no time is driven through once
-        stages += [(piece.share, SURROUNDINGS[piece.before]), (1e-9, (_block(parts),))]
-    stages.append((1.0, SURROUNDINGS[after]))
+        around = _any_of(SURROUNDINGS[piece.before])
+        stages += [(piece.share, (around,)), (1e-9, (_block(parts),))]
+    stages.append((1.0, (_any_of(SURROUNDINGS[after]),)))
     plan = compose(duration, standstill, stages, plan_rng)
     begin = np.concatenate([[0.0], np.cumsum([m.duration for m in plan])])
     places = {id(m): float(t) for m, t in zip(plan, begin, strict=False)}
@@ -130,5 +131,14 @@ def car_with_set_pieces(
 def _block(parts: list[Manoeuvre]) -> Block:
     def block(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
         return [to_speed(speed, parts[0].speed), *parts]
+
+    return block
+
+
+def _any_of(blocks: tuple[Block, ...]) -> Block:
+    """One of several at a time, so that a stage ends within a block of its share."""
+
+    def block(speed: float, rng: np.random.Generator) -> list[Manoeuvre]:
+        return blocks[int(rng.integers(len(blocks)))](speed, rng)
 
     return block
