@@ -58,6 +58,8 @@ def read_imu(path: str | Path, **how: Any) -> ImuRecording:
     repair : bool, optional
         Leave out rows with NaN, rows whose time repeats or goes backwards, and a last line that
         was cut off; `history` says how many.
+    missing : bool, optional
+        Leave out rows with NaN and nothing else: what one IMU of several lacks.
     name : str, optional
         Name of the recording.
 
@@ -161,7 +163,7 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
     return recording
 
 
-_ONLY_IMU = {"gyro_unit", "accel_unit", "increments", "imu"}
+_ONLY_IMU = {"gyro_unit", "accel_unit", "increments", "imu", "missing"}
 _ONLY_GNSS = {"angle_unit", "origin", "position_sd", "velocity_sd"}
 
 

@@ -305,7 +305,7 @@ def _usable_rows(
             first = first or (f"{role}_{axis}", one)
             bad |= one
     _no_axis_all_zero(source, chosen, gyro, accel)
-    if first is not None and not options.repair:
+    if first is not None and not (options.repair or options.missing):
         role, one = first
         row = int(np.argmax(one))
         raise InputError(
@@ -314,10 +314,10 @@ def _usable_rows(
             cure="read it with repair=True to leave these rows out",
             where=source.place(int(rows[row]), chosen[role].name),
         )
-    if not options.repair:
-        return slice(None), []
     keep = ~bad
     notes = [f"left out {int(bad.sum())} rows with NaN or no value"] if bad.any() else []
+    if not options.repair:
+        return keep if bad.any() else slice(None), notes
     latest = np.maximum.accumulate(np.where(keep, time, -np.inf))
     forward = np.ones(time.size, dtype=bool)
     forward[1:] = time[1:] > latest[:-1]

@@ -40,6 +40,8 @@ class ReadOptions:
         Standard deviations where the file has none, m and m/s.
     repair : bool
         Leave out bad rows.
+    missing : bool
+        Leave out rows without a number, and nothing else.
     name : str, optional
         Name of the recording.
     """
@@ -64,6 +66,7 @@ class ReadOptions:
     position_sd: float | None = None
     velocity_sd: float | None = None
     repair: bool = False
+    missing: bool = False
     name: str | None = None
 
     def text(self) -> TextOptions:
