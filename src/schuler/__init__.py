@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from schuler.errors import SchulerError
     from schuler.evaluate.outages import OutageEvaluation, evaluate_outages
     from schuler.export.kalibr import kalibr_yaml, write_kalibr
+    from schuler.fuse.clocks.jumps import SampleJump, find_jumps
+    from schuler.fuse.clocks.synchronization import Synchronization, synchronize
+    from schuler.fuse.reading import read_array
     from schuler.identify import (
         Identification,
         ImuCharacterization,
@@ -129,6 +132,9 @@ _HOMES = {
     ),
     "schuler.denoise": ("CausalDenoiser", "Denoised", "denoise"),
     "schuler.simulate": ("simulate_gnss", "simulate_imu", "simulate_static"),
+    "schuler.fuse.clocks.jumps": ("SampleJump", "find_jumps"),
+    "schuler.fuse.clocks.synchronization": ("Synchronization", "synchronize"),
+    "schuler.fuse.reading": ("read_array",),
     "schuler.navigate": ("navigate", "navigate_array"),
     "schuler.evaluate.outages": ("OutageEvaluation", "evaluate_outages"),
     "schuler.export.kalibr": ("kalibr_yaml", "write_kalibr"),
@@ -169,10 +175,12 @@ __all__ = [
     "Quantization",
     "RandomWalk",
     "RateRamp",
+    "SampleJump",
     "SchulerError",
     "Screening",
     "Sinusoid",
     "SpectrumCurve",
+    "Synchronization",
     "Trajectory",
     "TurnOnBias",
     "WaveletVarianceCurve",
@@ -186,6 +194,7 @@ __all__ = [
     "denoise",
     "evaluate_outages",
     "fast_orthogonal_search",
+    "find_jumps",
     "fit_ar",
     "fit_arma",
     "fit_arma_garch",
@@ -199,6 +208,7 @@ __all__ = [
     "navigate",
     "navigate_array",
     "power_spectral_density",
+    "read_array",
     "read_gnss",
     "read_imu",
     "repair",
@@ -209,6 +219,7 @@ __all__ = [
     "simulate_gnss",
     "simulate_imu",
     "simulate_static",
+    "synchronize",
     "wavelet_variance",
     "write_kalibr",
     "write_report",
