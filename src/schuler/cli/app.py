@@ -18,6 +18,7 @@ from schuler.cli.demo import demo
 from schuler.cli.export import export
 from schuler.cli.navigate import navigate
 from schuler.cli.outages import outages
+from schuler.cli.reproduce import reproduce
 from schuler.cli.warm import warm
 from schuler.errors import SchulerError
 
@@ -39,7 +40,7 @@ app = App(
     default_parameter=Parameter(negative=(), show_default=_show_default),
     suppress_keyboard_interrupt=False,
 )
-for _command in (demo, characterize, navigate, outages, export, warm):
+for _command in (demo, characterize, navigate, outages, export, reproduce, warm):
     app.command(_command)
 
 

@@ -169,7 +169,109 @@ class FigureGrid:
     kind: str = field(default="figures", init=False)
 
 
-Block = Prose | Facts | Findings | Table | FigureGrid
+Tone = Literal["good", "kind", "cannot", "wrong", "beyond", "failed"]
+"""How a printed result fares when it is done again; it chooses the colour."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One printed value beside what came out.
+
+    Parameters
+    ----------
+    quantity : str
+        What it is.
+    printed, ours, band : str
+        Values with their unit, ready to be read.
+    verdict : str
+        In words.
+    tone : str
+        Colour of the verdict.
+    detail : str
+        Why; shown below the quantity.
+    source : str
+        Who says where the value has to lie; shown below the band.
+    """
+
+    quantity: str
+    printed: str
+    ours: str
+    band: str
+    verdict: str
+    tone: Tone
+    detail: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A table, figure or equation of a paper, done again.
+
+    Parameters
+    ----------
+    label : str
+        As the paper has it.
+    title : str
+        What it is about.
+    claim : str
+        What the paper says.
+    anchor : str
+        For links within the page.
+    rows : tuple of Judged
+        Printed beside ours.
+    notes : tuple of str
+        What to take away.
+    """
+
+    label: str
+    title: str
+    claim: str
+    anchor: str
+    rows: tuple[Judged, ...]
+    notes: tuple[str, ...] = ()
+    kind: str = field(default="judgement", init=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Chip:
+    """A short link with a colour.
+
+    Parameters
+    ----------
+    label : str
+        Text.
+    anchor : str
+        Where it leads.
+    tone : str
+        Colour.
+    verdict : str
+        The colour in words.
+    """
+
+    label: str
+    anchor: str
+    tone: Tone
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class Chips:
+    """Many short links, so that a reader finds his table at once.
+
+    Parameters
+    ----------
+    items : tuple of Chip
+        In reading order.
+    legend : tuple of (str, str)
+        Tone and words of the colours.
+    """
+
+    items: tuple[Chip, ...]
+    legend: tuple[tuple[Tone, str], ...] = ()
+    kind: str = field(default="chips", init=False)
+
+
+Block = Prose | Facts | Findings | Table | FigureGrid | Judgement | Chips
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ _HOMES = {
     "schuler.identify.comparison.replicates": "replicates",
     "schuler.denoise": "denoising",
     "schuler.evaluate": "outages",
+    "schuler.studies.reproduction": "reproduction",
     "schuler.evaluate.error_model_comparison": "error_models",
     "schuler.report.sections.navigation": "navigation",
     "schuler.report.sections.outages": "outages",
