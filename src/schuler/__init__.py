@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from schuler.identify.orthogonal_search.search import FosFit, fast_orthogonal_search
     from schuler.identify.residuals.tests import arch_lm_test, ljung_box_test
     from schuler.navigate import navigate, navigate_array
+    from schuler.navigate.observability import Observability, Segment, observability
     from schuler.processes import (
         BiasInstability,
         GaussMarkov,
@@ -136,6 +137,7 @@ _HOMES = {
     "schuler.fuse.clocks.synchronization": ("Synchronization", "synchronize"),
     "schuler.fuse.reading": ("read_array",),
     "schuler.navigate": ("navigate", "navigate_array"),
+    "schuler.navigate.observability": ("Observability", "Segment", "observability"),
     "schuler.evaluate.outages": ("OutageEvaluation", "evaluate_outages"),
     "schuler.export.kalibr": ("kalibr_yaml", "write_kalibr"),
     "schuler.report": ("write_report",),
@@ -168,6 +170,7 @@ __all__ = [
     "Mounting",
     "NavigationSolution",
     "NoiseModel",
+    "Observability",
     "OutageEvaluation",
     "PooledIdentification",
     "Process",
@@ -178,6 +181,7 @@ __all__ = [
     "SampleJump",
     "SchulerError",
     "Screening",
+    "Segment",
     "Sinusoid",
     "SpectrumCurve",
     "Synchronization",
@@ -207,6 +211,7 @@ __all__ = [
     "ljung_box_test",
     "navigate",
     "navigate_array",
+    "observability",
     "power_spectral_density",
     "read_array",
     "read_gnss",

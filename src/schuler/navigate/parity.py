@@ -80,22 +80,64 @@ class Parity:
                 linear_measurements(
                     self.array.time[ends[1:]],
                     mean @ parity.T,
-                    parity @ self._shown(kind),
+                    parity @ axis_rows(self.models, kind, self.states),
                     (parity * white**2) @ parity.T / span,
                 )
             )
         return merge_schedules(parts, float(self.array.time[0]), float(self.array.time[-1]))
 
-    def _shown(self, kind: int) -> FloatArray:
-        """How all states show on the sensor axes (3 k, m) of one kind."""
-        shown = np.zeros((3 * len(self.models), self.states))
-        first = 0
-        for i, model in enumerate(self.models):
-            own = sensor_directions(model).T
-            own = np.where((model.channel >= 0) & (model.channel // 3 == kind), own, 0.0)
-            shown[3 * i : 3 * i + 3, first : first + model.size] = own
-            first += model.size
-        return shown
+
+def axis_rows(models: Sequence[SensorErrorModel], kind: int, states: int) -> FloatArray:
+    """Return how all states show on the sensor axes of one kind.
+
+    Parameters
+    ----------
+    models : sequence of SensorErrorModel
+        One for each IMU, in the order of `extended_model`.
+    kind : int
+        0: accelerometers, 1: gyros.
+    states : int
+        Sensor states of the filter.
+
+    Returns
+    -------
+    (3 k, states) ndarray
+        One where a state is the error of an axis.
+    """
+    shown = np.zeros((3 * len(models), states))
+    first = 0
+    for i, model in enumerate(models):
+        own = sensor_directions(model).T
+        own = np.where((model.channel >= 0) & (model.channel // 3 == kind), own, 0.0)
+        shown[3 * i : 3 * i + 3, first : first + model.size] = own
+        first += model.size
+    return shown
+
+
+def parity_rows(
+    models: Sequence[SensorErrorModel], fusion: Fusion, states: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of the parity measurement on the sensor states, V b, whitened.
+
+    Parameters
+    ----------
+    models : sequence of SensorErrorModel
+        One for each IMU.
+    fusion : Fusion
+        For the axes.
+    states : int
+        Sensor states of the filter.
+
+    Returns
+    -------
+    tuple of (3 (k - 1), states) ndarray
+        Of accelerometers and gyros; the noise of each row has density one.
+    """
+    white = [np.concatenate([m.white_density[3 * q : 3 * q + 3] for m in models]) for q in (0, 1)]
+    rows = [
+        parity_matrix(fusion.axes, w) @ axis_rows(models, q, states) for q, w in enumerate(white)
+    ]
+    return rows[0], rows[1]
 
 
 def parity_matrix(axes: FloatArray, white: FloatArray) -> FloatArray:
