@@ -86,7 +86,8 @@ def step(
     quaternion = np.array(quaternion_from_dcm(rotation))
     angle, thrust = (start.rate + y[3:]) * dt, (start.force + y[:3]) * dt
     out, matrix = np.zeros(10), np.array(rotation)
-    strapdown_step(dt, angle, thrust, angle, thrust, position, velocity, quaternion, matrix, out)
+    none = np.zeros(3)  # nothing changes during the step
+    strapdown_step(dt, angle, thrust, none, none, position, velocity, quaternion, matrix, out)
     meridian, transverse = (float(r) for r in earth.radii(position[0]))
     transport = np.array(
         [

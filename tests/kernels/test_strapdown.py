@@ -112,6 +112,64 @@ def test_coning_is_integrated_at_the_order_of_two_samples() -> None:
     assert abs(turn[0]) < by_earth + 0.01 * left_out
 
 
+def cubic(rng: np.random.Generator, size: float) -> np.ndarray:
+    """Coefficients (4, 3) of a cubic on the time of one sample, all terms of like size."""
+    return size * rng.standard_normal((4, 3))
+
+
+def integral(polynomial: np.ndarray, start: float, stop: float) -> np.ndarray:
+    powers = np.arange(1, 5)
+    return ((stop**powers - start**powers) / powers) @ polynomial
+
+
+def body_increment(rate: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a sample of cubic rate and force turns and pushes: rotation vector and velocity."""
+    from scipy.integrate import solve_ivp
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        matrix, w, f = y[:9].reshape(3, 3), t ** np.arange(4) @ rate, t ** np.arange(4) @ force
+        skew = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+        return np.concatenate([(matrix @ skew).ravel(), matrix @ f])
+
+    start = np.concatenate([np.eye(3).ravel(), np.zeros(3)])
+    end = solve_ivp(slope, (0.0, 1.0), start, method="DOP853", rtol=1e-13, atol=1e-16).y[:, -1]
+    return rotation_vector_from_dcm(end[:9].reshape(3, 3)), end[9:]
+
+
+def test_cubic_rates_and_forces_are_integrated_to_fourth_order() -> None:
+    from schuler.kernels.strapdown import coning_and_sculling
+
+    rng = np.random.default_rng(2)
+    shape, pushed = cubic(rng, 1.0), cubic(rng, 10.0)
+    left = []
+    for size in (0.02, 0.01):
+        # half the step: the k-th derivative counts for 2^-k less
+        scale = size ** (1.0 + np.arange(4.0))[:, None] * 50.0 ** np.arange(4.0)[:, None]
+        rate, force = shape * scale, pushed * scale
+        samples = [(integral(rate, -k, 1.0 - k), integral(force, -k, 1.0 - k)) for k in range(4)]
+        (angle, velocity), *before = samples
+        past = np.array([np.concatenate([a, v]) for a, v in before])
+        coning, sculling = np.empty(3), np.empty(3)
+        coning_and_sculling(angle, velocity, past, 1.0, coning, sculling)
+        turn = np.cross(angle, velocity)
+        found = velocity + (0.5 - angle @ angle / 24.0) * turn + np.cross(angle, turn) / 6.0
+        wanted_angle, wanted_velocity = body_increment(rate, force)
+        left.append(
+            (
+                np.linalg.norm(angle + coning - wanted_angle),
+                np.linalg.norm(found + sculling - wanted_velocity),
+                np.linalg.norm(coning),
+                np.linalg.norm(sculling),
+            )
+        )
+    (coarse_a, coarse_v, by_coning, by_sculling), (fine_a, fine_v, _, _) = left
+    # what is left is of fifth order in the step, a hundredth of the correction and less
+    assert coarse_a < 0.01 * by_coning
+    assert coarse_v < 0.01 * by_sculling
+    assert coarse_a / fine_a > 2.0**4.5
+    assert coarse_v / fine_v > 2.0**4.5
+
+
 def test_radii_and_gravity_are_those_of_the_earth_module() -> None:
     from schuler.kernels.geodesy import gravity_down, radii_of_curvature
 

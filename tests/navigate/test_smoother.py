@@ -9,12 +9,13 @@ import pytest
 from twins import NOISE, draw_twin, navigation_errors, perfect
 
 from schuler import earth
-from schuler.data import ImuRecording
+from schuler.data import GnssRecording, ImuRecording
 from schuler.kernels.smoother import smooth_nodes
 from schuler.navigate.aiding import POSITION, VELOCITY, AidingSchedule
 from schuler.navigate.engine import FilterRun, InitialState, gate_thresholds, run_engine
 from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
 from schuler.navigate.sensor_states import no_sensor_states
+from schuler.navigate.setup import RunSetup
 from schuler.navigate.smoother import smooth_run
 from schuler.processes import RateRamp, Sinusoid
 from schuler.processes.noise_model import NoiseModel
@@ -32,7 +33,7 @@ MIXED = NoiseModel(
 )
 
 
-def a_run_with_an_outage() -> tuple[FilterRun, SensorErrorModel, ImuRecording]:
+def a_drive_with_an_outage() -> tuple[RunSetup, ImuRecording, GnssRecording]:
     profile = car_urban(90.0, 8, standstill=10.0)
     ideal = perfect(profile, 50.0)
     twin = draw_twin(profile, ideal, 3, first_fix=1.0037)
@@ -41,20 +42,21 @@ def a_run_with_an_outage() -> tuple[FilterRun, SensorErrorModel, ImuRecording]:
     initial = model.initial_covariance
     exact = np.diag(np.diag(initial) == 0.0)
     model = replace(model, initial_covariance=np.where(exact, 1e-4, initial))
-    setup = replace(twin.setup, model=model)
     since = twin.gnss.time
     gnss = twin.gnss.select((since < 40.0) | (since > 60.0))
-    return (
-        run_engine(
-            twin.imu,
-            setup.initial_state(twin.imu, gnss),
-            model,
-            setup.schedule(twin.imu, gnss),
-            gate=gate_thresholds(0.0),
-        ),
-        model,
-        twin.imu,
+    return replace(twin.setup, model=model), twin.imu, gnss
+
+
+def a_run_with_an_outage() -> tuple[FilterRun, SensorErrorModel, ImuRecording]:
+    setup, imu, gnss = a_drive_with_an_outage()
+    run = run_engine(
+        imu,
+        setup.initial_state(imu, gnss),
+        setup.model,
+        setup.schedule(imu, gnss),
+        gate=gate_thresholds(0.0),
     )
+    return run, setup.model, imu
 
 
 def rauch_tung_striebel(run: FilterRun, model: SensorErrorModel) -> tuple[np.ndarray, np.ndarray]:
@@ -91,8 +93,12 @@ def test_the_smoother_is_rauch_tung_striebel() -> None:
     error = np.empty_like(wanted_error)
     position = np.empty((nodes.size, 3, 3))
     variance = np.empty_like(wanted_error)
+    states = 9 + model.size
     smooth_nodes(
+        0,
         nodes.size,
+        np.zeros(states),
+        np.zeros((states, states)),
         nodes.covariance,
         nodes.top,
         nodes.transition,
@@ -140,6 +146,27 @@ def test_smoothed_samples_take_the_error_of_the_nodes_with_the_right_signs() -> 
     np.testing.assert_allclose(
         new.velocity_sd[sample], np.sqrt(covariance[node][:, [3, 4, 5], [3, 4, 5]]), rtol=1e-5
     )
+
+
+@pytest.mark.parametrize("allowed", [4e5, 1e3])
+def test_nodes_computed_once_more_change_nothing(allowed: float) -> None:
+    # as few checkpoints as the memory allows, or the least memory that is possible
+    setup, imu, gnss = a_drive_with_an_outage()
+    how = {"gate": gate_thresholds(0.0)}
+    start, schedule = setup.initial_state(imu, gnss), setup.schedule(imu, gnss)
+    whole = run_engine(imu, start, setup.model, schedule, **how)
+    less = run_engine(imu, start, setup.model, schedule, smoother_memory=allowed, **how)
+    assert whole.checkpoints is None
+    assert less.checkpoints is not None
+    assert len(less.checkpoints.memories) > 3
+    assert less.nodes.covariance.size == 0
+    assert less.smoother_bytes < 0.15 * whole.smoother_bytes
+    assert less.log_likelihood == whole.log_likelihood
+    wanted, found = (smooth_run(r, setup.model, imu.time) for r in (whole, less))
+    for field in ("position", "velocity", "rotation", "position_covariance", "attitude_sd"):
+        np.testing.assert_array_equal(getattr(found.samples, field), getattr(wanted.samples, field))
+    np.testing.assert_array_equal(found.sensor_state, wanted.sensor_state)
+    np.testing.assert_array_equal(found.sensor_sd, wanted.sensor_sd)
 
 
 @pytest.mark.parametrize("gap", [10.0, 40.0])

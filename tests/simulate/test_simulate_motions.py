@@ -37,20 +37,21 @@ def strapdown_error(profile: simulate.Profile, rate: float) -> tuple[np.ndarray,
 
 
 @pytest.mark.parametrize(
-    ("name", "rate"), [("motorcycle", 400.0), ("ski", 400.0), ("drone", 400.0), ("walk", 1600.0)]
+    ("name", "rate"), [("motorcycle", 100.0), ("ski", 100.0), ("drone", 100.0), ("walk", 200.0)]
 )
 def test_strapdown_returns_to_the_truth_over_the_whole_length(name: str, rate: float) -> None:
+    # spec 1.2 at 100 Hz; feet that strike the ground are too fast for that and get 200 Hz
     position, attitude = strapdown_error(make(name), rate)
     assert position < 1e-3
-    assert attitude < 1e-7
+    assert attitude < 1e-6
 
 
-@pytest.mark.parametrize("name", ["motorcycle", "ski", "drone"])
-def test_what_is_left_at_100_hz_is_the_order_of_the_strapdown(name: str) -> None:
-    # a profile inconsistent with its rates would leave an error that does not fall with the step
-    coarse, fine = (strapdown_error(make(name, 1), rate)[0] for rate in (100.0, 200.0))
-    assert coarse < 0.05
-    assert 6.5 < coarse / fine < 9.5
+def test_what_is_left_of_a_walk_at_100_hz_is_the_order_of_the_strapdown() -> None:
+    # a profile inconsistent with its rates would leave an error that does not fall with the step;
+    # cubic rates leave the fourth order (25 and 22 times measured, 13 and 7 mm)
+    coarse, fine = (strapdown_error(make("walk", 1), rate)[0] for rate in (100.0, 200.0))
+    assert coarse < 0.02
+    assert 12.0 < coarse / fine < 36.0
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -1,7 +1,8 @@
-"""The closed-loop error-state Kalman filter over a whole recording. Spec 7.1 to 7.3.
+"""The closed-loop error-state Kalman filter over a stretch of samples. Spec 7.1 to 7.3.
 
-One pass over the IMU samples; an aiding measurement that falls inside a sample splits it. The
-same step functions serve a streaming filter.
+One pass over the IMU samples; an aiding measurement that falls inside a sample splits it. What
+the filter remembers lies in one array (kernels/memory.py), so that a stretch may be a whole
+recording, one sample of a stream, or a part that is run once more.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.kernels.aiding import aiding_model, constraint_applies
 from schuler.kernels.compile import kernel
 from schuler.kernels.covariance import propagate_covariance
 from schuler.kernels.geodesy import radii_of_curvature
-from schuler.kernels.strapdown import rotation_from_quaternion, strapdown_step
+from schuler.kernels.memory import carve_navigation, carve_sensors, carve_total
+from schuler.kernels.strapdown import coning_and_sculling, strapdown_step
 from schuler.kernels.transition import (
     accumulate_transition,
     correct_sample,
@@ -25,50 +28,22 @@ from schuler.kernels.transition import (
     sensor_transition,
     set_blocks,
 )
-from schuler.kernels.update import (
-    add_offset_states,
-    feed_back,
-    innovation_statistics,
-    linear_model,
-    measurement_model,
-    scalar_update,
-)
-from schuler.kernels.vehicle import standstill_model, vehicle_velocity_model
+from schuler.kernels.update import feed_back, innovation_statistics, scalar_update
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@kernel(inline=True)
-def constraint_applies(
-    kind: int, velocity: Array, covariance: Array, rolling: float, standing: float
-) -> bool:
-    """Whether the vehicle moves as a constraint supposes, by the filter's own speed.
-
-    A vehicle that only rolls (kind 2) must be faster than `rolling`. One that was taken for
-    standing (kinds 3, 4) must be slower than `standing` within three standard deviations, of
-    which no more than 1 m/s each is granted: a smooth road feels like no road. Other kinds always
-    apply.
-    """
-    speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2)
-    if kind == 2:
-        return speed > rolling
-    if kind > 4:
-        return True
-    sd = math.sqrt(max(covariance[3, 3] + covariance[4, 4], 0.0))
-    return speed < standing + 3.0 * min(sd, 1.0)
-
-
 @kernel()
 def run_filter(
+    memory: Array,
+    counters: Integers,
+    scratch: Array,
     time: Array,
     gyro: Array,
     accel: Array,
-    position: Array,
-    velocity: Array,
-    quaternion: Array,
-    sensor_state: Array,
-    covariance: Array,
+    white_scale: Array,
+    closing: bool,
     channel: Integers,
     direction: Array,
     scaled_by: Integers,
@@ -77,7 +52,7 @@ def run_filter(
     drift: Array,
     diffusion: Array,
     white: Array,
-    white_scale: Array,
+    updates: int,
     aid_time: Array,
     aid_kind: Integers,
     aid_value: Array,
@@ -89,6 +64,10 @@ def run_filter(
     gate: Array,
     patience: int,
     longest_step: float,
+    vehicle: int,
+    mounting: Array,
+    rolling: float,
+    standing: float,
     out_position: Array,
     out_velocity: Array,
     out_rotation: Array,
@@ -100,6 +79,9 @@ def run_filter(
     aid_nis: Array,
     aid_degrees: Integers,
     aid_accepted: NDArray[np.bool_],
+    aid_scalar: Array,
+    aid_row: Array,
+    aid_gain: Array,
     node_interval: float,
     node_time: Array,
     node_sensor: Array,
@@ -109,30 +91,29 @@ def run_filter(
     node_transition: Array,
     node_error: Array,
     node_aid: Integers,
-    aid_row: Array,
-    aid_gain: Array,
-    aid_scalar: Array,
-    vehicle: int,
-    mounting: Array,
-    rolling: float,
-    standing: float,
-) -> tuple[float, int, int]:
-    """Run the filter; the state arrays end as the final state.
+) -> int:
+    """Run the filter over n samples, from what `memory` and `counters` hold and into them.
 
-    Sizes: n samples, m sensor states, s = 9 + m, u aiding measurements (sorted by time), k
-    nodes. Per sample outputs have n rows (or none, then nothing is written). Nodes are made at
-    every aiding time and at least every `node_interval`; with node_covariance of k rows
-    (k, s, s) all that the smoother needs is kept: node_top (k, 9, s) and node_transition
-    (k, m, w) from the node before, node_error (k, s) the correction fed back there, node_aid
-    (k, 2) the range of measurements used there, aid_row and aid_gain (u, 3, s). aid_scalar
-    (u, 3, 2), always written: innovation and its variance of every component that was used.
+    Sizes: n samples, m sensor states in blocks of at most w, s = 9 + m; `scratch` is work without
+    memory. The first stretch of a run needs two samples, as the first one only tells the start.
+    Per sample outputs have n rows (or none, then nothing is written).
+
+    Aiding measurements, sorted by time: `updates` of them so far, number u in row u modulo the
+    rows there are, so that a stream may keep the latest only; the same holds for what is written
+    about them, and for nodes. aid_scalar (.., 3, 2): innovation and its variance of every
+    component that was used. aid_offset, aid_matrix and matrices: see kernels/update.py.
+
+    Nodes are made at every aiding time and at least every `node_interval`, at the first sample
+    and, if `closing`, at the last. With rows in node_covariance (.., s, s) all that the smoother
+    needs is kept: node_top (.., 9, s) and node_transition (.., m, w) from the node before,
+    node_error (.., s) the correction fed back there, node_aid (.., 2) the range of measurements
+    used there, aid_row and aid_gain (.., 3, s). The memory has to accumulate the transition then.
 
     The sensor states and their blocks: see kernels/transition.py. white (2, 3, 3): covariance
     densities of the accelerometers and of the gyros; white_scale (n, 6) or (0, 6) multiplies the
-    variances sample by sample, accelerometers first. aid_offset (u, 3), aid_matrix (u,) and
-    matrices (t, 3, m): see kernels/update.py. gate (4,): largest normalised innovation squared
-    accepted for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind the
-    next one is let in, as measurements that keep agreeing with each other are right and the
+    variances sample by sample, accelerometers first. gate (4,): largest normalised innovation
+    squared accepted for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind
+    the next one is let in, as measurements that keep agreeing with each other are right and the
     filter is wrong: its own variance is first raised by the square of the residual. Constraints
     of the vehicle and linear measurements (kinds above 1) are never forced in.
 
@@ -140,13 +121,11 @@ def run_filter(
     nominal one, see kernels/vehicle.py; rolling and standing: see `constraint_applies`. A zero
     rate has the mean of the gyros in its value.
 
-    Returns the log-likelihood of the accepted measurements, the number of nodes, and the index
-    of the first sample at which the state was no longer finite (-1: none).
+    Returns the sample of the stretch at which the state was no longer finite, or -1.
     """
     n = time.size
-    m = sensor_state.size
+    m = channel.size
     size = 9 + m
-    updates = aid_time.size
     widest = drift.shape[1]
     keep_samples = out_position.shape[0] > 0
     keep_nodes = node_covariance.shape[0] > 0
@@ -155,45 +134,65 @@ def run_filter(
     for j in range(m):
         discrete = discrete or interval[j] > 0.0
         modulated = modulated or scaled_by[j] >= 0
-    shown = direction.copy() if modulated else direction
+    aid_places, node_places = max(aid_time.size, 1), node_time.size
+    aid_kept, node_kept = max(aid_row.shape[0], 1), max(node_covariance.shape[0], 1)
 
-    rotation = np.empty((3, 3))
-    rotation_from_quaternion(quaternion, rotation)
-    earth = np.zeros(10)
-    transport = np.zeros(3)
-    body_rate = np.zeros(3)
-    angle, velocity_increment = np.zeros(3), np.zeros(3)
-    previous_angle, previous_velocity = np.zeros(3), np.zeros(3)
-    part_angle, part_velocity = np.zeros(3), np.zeros(3)
+    (
+        position,
+        velocity,
+        quaternion,
+        rotation,
+        earth,
+        transport,
+        angle,
+        velocity_increment,
+        coning,
+        sculling,
+        past,
+        habits,
+    ) = carve_navigation(memory)
+    sensor_state, transition, noise, power, power_noise, covariance = carve_sensors(
+        memory, m, widest
+    )
+    total_top, total_sensor = carve_total(memory, m, widest)
+    accumulating = total_top.size > 0
+    refused, steps = counters[4:20], counters[20:]
+    done, nodes, moved = counters[1], counters[2] - 1, counters[3] > 0
+    discretised, likelihood, last, step_before = habits[8], habits[9], habits[10], habits[11]
+
     # 264 places a row: see navigation_rows
-    rows, errors = np.zeros(max(9, widest) * 264), np.zeros(6 * 264)
-    top, block_top = np.zeros(9 * 264), np.zeros(9 * 264)
-    transition, noise = np.zeros((m, widest)), np.zeros((m, widest))
-    power, power_noise = np.zeros((m, widest)), np.zeros((m, widest))
-    steps, moving, moved = np.zeros(m, np.int64), False, False
-    total_top, total_sensor = np.zeros(9 * 264), np.zeros((m, widest))
-    reset_transition(total_top, total_sensor, block)
-    state_work = np.empty(m)
-    residual, deviation = np.empty(3), np.empty(3)
-    design = np.empty((3, size))
-    error, gain = np.empty(size), np.empty(size)
-    noise_now, root = white.copy(), np.ones(6)
-    likelihood = 0.0
-    discretised = -1.0
-    refused = np.zeros(6, np.int64)
-    force, turn, acceleration = np.zeros(3), np.zeros(3), np.zeros(3)
-    turn_variance, blend, turn_noise = np.zeros(3), 1.0, 1.0
-    by_rate, noise_variance = np.zeros((3, 3)), np.zeros(3)
-    done = 0
-    nodes = -1
+    a, b = 0, max(9, widest) * 264
+    rows, errors = scratch[a:b], scratch[b : b + 6 * 264]
+    a = b + 6 * 264
+    top, block_top = scratch[a : a + 9 * 264], scratch[a + 9 * 264 : a + 18 * 264]
+    a += 18 * 264
+    state_work, error, gain = scratch[a : a + m], scratch[a + m :][:size], scratch[a + m + size :]
+    gain = gain[:size]
+    a += m + 2 * size
+    design = scratch[a : a + 3 * size].reshape((3, size))
+    a += 3 * size
+    shown = direction
+    if modulated:
+        shown = scratch[a : a + 3 * m].reshape((m, 3))
+        shown[:, :] = direction
+    a += 3 * m
+    part_angle, part_velocity = scratch[a : a + 3], scratch[a + 3 : a + 6]
+    part_coning, part_sculling = scratch[a + 6 : a + 9], scratch[a + 9 : a + 12]
+    residual, deviation = scratch[a + 12 : a + 15], scratch[a + 15 : a + 18]
+    noise_variance, root = scratch[a + 18 : a + 21], scratch[a + 21 : a + 27]
+    noise_now = scratch[a + 27 : a + 45].reshape((2, 3, 3))
+    noise_now[:, :, :] = white
+    moving = False
 
     for k in range(n):
         end = time[k]
-        if k == 0:
+        first = counters[0] == 0
+        if first:
             now = end
             step = time[1] - time[0]
+            step_before = step
         else:
-            now = time[k - 1]
+            now = last
             step = end - now
         if modulated:
             scale_directions(gyro[k], accel[k], scaled_by, direction, shown)
@@ -205,6 +204,18 @@ def run_filter(
         correct_sample(
             gyro[k], accel[k], step, sensor_state, channel, shown, angle, velocity_increment
         )
+        # nobody knows how rates changed in a gap
+        smooth = step < 3.0 * step_before
+        if first:
+            for i in range(3):
+                for c in range(3):
+                    past[c, i] = angle[i] / step
+                    past[c, 3 + i] = velocity_increment[i] / step
+        if smooth:
+            coning_and_sculling(angle, velocity_increment, past, step, coning, sculling)
+        else:
+            coning[:] = 0.0
+            sculling[:] = 0.0
         if scaled:
             for i in range(6):
                 root[i] = math.sqrt(white_scale[k, i])
@@ -213,16 +224,13 @@ def run_filter(
                     for c in range(3):
                         both = root[3 * part + i] * root[3 * part + c]
                         noise_now[part, i, c] = white[part, i, c] * both
-        if k == 0:
-            previous_angle[:] = angle
-            previous_velocity[:] = velocity_increment
 
         while True:
-            aiding = done < updates and aid_time[done] <= end
-            target = aid_time[done] if aiding else end
+            aiding = done < updates and aid_time[done % aid_places] <= end
+            target = aid_time[done % aid_places] if aiding else end
             # advance to the target in steps no longer than allowed
             span = target - now
-            if span > 1e-9 * step and k > 0:
+            if span > 1e-9 * step and not first:
                 pieces = math.ceil(span / longest_step - 1e-6)
                 pieces = max(pieces, 1)
                 dt = span / pieces
@@ -230,6 +238,8 @@ def run_filter(
                 for i in range(3):
                     part_angle[i] = angle[i] * share
                     part_velocity[i] = velocity_increment[i] * share
+                    part_coning[i] = coning[i] * share
+                    part_sculling[i] = sculling[i] * share
                 if abs(dt - discretised) > 1e-4 * dt:
                     sensor_transition(dt, drift, diffusion, block, interval, transition, noise)
                     discretised = dt
@@ -251,8 +261,8 @@ def run_filter(
                         dt,
                         part_angle,
                         part_velocity,
-                        previous_angle,
-                        previous_velocity,
+                        part_coning,
+                        part_sculling,
                         position,
                         velocity,
                         quaternion,
@@ -276,7 +286,7 @@ def run_filter(
                         top,
                         block_top,
                     )
-                    if keep_nodes:
+                    if accumulating:
                         accumulate_transition(
                             total_top,
                             total_sensor,
@@ -293,102 +303,53 @@ def run_filter(
                         )
                     move_sensor_states(sensor_state, block, transition, state_work)
                 now = target
-            if not aiding and not (k == 0 or k == n - 1 or now - node_time[nodes] >= node_interval):
-                break
+            if not aiding:
+                due = first or (closing and k == n - 1)
+                if not due and now - node_time[nodes % node_places] < node_interval:
+                    break
 
-            if nodes < 0 or now > node_time[nodes] + 1e-9:
+            if nodes < 0 or now > node_time[nodes % node_places] + 1e-9:
                 nodes += 1
-                node_time[nodes] = now
-                if keep_nodes:
-                    for i in range(9):
-                        for j in range(size):
-                            node_top[nodes, i, j] = total_top[i * 264 + j]
-                    node_transition[nodes] = total_sensor
+                node_time[nodes % node_places] = now
+                if accumulating:
+                    if keep_nodes:
+                        place = nodes % node_kept
+                        for i in range(9):
+                            for j in range(size):
+                                node_top[place, i, j] = total_top[i * 264 + j]
+                        node_transition[place] = total_sensor
+                        node_error[place] = 0.0
+                        node_aid[place, 0] = done
+                        node_aid[place, 1] = done
                     reset_transition(total_top, total_sensor, block)
-                    node_error[nodes] = 0.0
-                    node_aid[nodes, 0] = done
-                    node_aid[nodes, 1] = done
             if aiding:
-                for i in range(3):
-                    rate = angle[i] / step
-                    for c in range(3):
-                        rate -= rotation[c, i] * earth[3 + c]
-                    body_rate[i] = rate
-                kind = aid_kind[done]
-                for i in range(3):
-                    noise_variance[i] = aid_variance[done, i]
-                if kind < 2:
-                    measurement_model(
-                        aid_kind[done],
-                        aid_value[done],
-                        aid_lever[done],
-                        position,
-                        velocity,
-                        rotation,
-                        body_rate,
-                        channel,
-                        shown,
-                        residual,
-                        design,
-                    )
-                elif kind == 2:
-                    for i in range(3):
-                        acceleration[i] = force[i] + 9.8 * rotation[2, i]
-                        body_rate[i] = turn[i] + blend * (body_rate[i] - turn[i])
-                        turn_variance[i] = turn_noise * noise_now[1, i, i]
-                    vehicle_velocity_model(
-                        aid_value[done],
-                        velocity,
-                        rotation,
-                        body_rate,
-                        turn_variance,
-                        acceleration,
-                        channel,
-                        shown,
-                        sensor_state,
-                        vehicle,
-                        mounting,
-                        residual,
-                        design,
-                        by_rate,
-                    )
-                    for i in range(3):
-                        for c in range(3):
-                            noise_variance[i] += by_rate[i, c] ** 2 * turn_variance[c]
-                elif kind < 5:
-                    if kind == 4:
-                        correct_sample(
-                            aid_value[done],
-                            accel[k],
-                            1.0,
-                            sensor_state,
-                            channel,
-                            shown,
-                            body_rate,
-                            part_velocity,
-                        )
-                        for i in range(3):
-                            for c in range(3):
-                                body_rate[i] -= rotation[c, i] * earth[3 + c]
-                    standstill_model(
-                        kind,
-                        velocity,
-                        rotation,
-                        body_rate,
-                        channel,
-                        shown,
-                        residual,
-                        design,
-                    )
-                else:
-                    linear_model(
-                        aid_value[done],
-                        matrices[aid_matrix[done]],
-                        sensor_state,
-                        residual,
-                        design,
-                    )
-                add_offset_states(aid_offset[done], sensor_state, residual, design)
+                u = done % aid_places
+                kind = aid_kind[u]
+                aiding_model(
+                    kind,
+                    aid_value[u],
+                    aid_variance[u],
+                    aid_lever[u],
+                    aid_offset[u],
+                    matrices[max(aid_matrix[u], 0)],
+                    position,
+                    velocity,
+                    rotation,
+                    earth,
+                    angle,
+                    accel[k],
+                    step,
+                    sensor_state,
+                    channel,
+                    shown,
+                    noise_now,
+                    habits,
+                    vehicle,
+                    mounting,
+                    residual,
+                    design,
+                    noise_variance,
+                )
                 nis, log_determinant, degrees = innovation_statistics(
                     residual, design, noise_variance, covariance, deviation
                 )
@@ -396,27 +357,29 @@ def run_filter(
                     kind, velocity, covariance, rolling, standing
                 ):
                     nis, degrees = 0.0, 0
-                aid_nis[done] = nis
-                aid_degrees[done] = degrees
+                aid_nis[u] = nis
+                aid_degrees[u] = degrees
                 accepted = degrees > 0 and nis <= gate[degrees]
                 if degrees > 0 and not accepted and refused[kind] >= patience and kind < 2:
                     # the state is wrong by that much: say so before it is corrected, or the
                     # correction would be spread over states that are right
                     accepted = True
                     for i in range(3):
-                        if math.isfinite(aid_variance[done, i]):
+                        if math.isfinite(aid_variance[u, i]):
                             covariance[3 * kind + i, 3 * kind + i] += residual[i] * residual[i]
                 refused[kind] = 0 if accepted else refused[kind] + 1
-                aid_accepted[done] = accepted
+                aid_accepted[u] = accepted
                 for i in range(3):
-                    used = math.isfinite(aid_variance[done, i])
-                    aid_residual[done, i] = residual[i] if used else math.nan
-                    aid_deviation[done, i] = deviation[i]
+                    used = math.isfinite(aid_variance[u, i])
+                    aid_residual[u, i] = residual[i] if used else math.nan
+                    aid_deviation[u, i] = deviation[i]
+                    aid_scalar[u, i, 0] = 0.0
+                    aid_scalar[u, i, 1] = 0.0
                 if accepted:
                     likelihood -= 0.5 * (nis + log_determinant + degrees * math.log(2.0 * math.pi))
                     error[:] = 0.0
                     for i in range(3):
-                        if not math.isfinite(aid_variance[done, i]):
+                        if not math.isfinite(aid_variance[u, i]):
                             continue
                         innovation = residual[i]
                         for j in range(size):
@@ -424,14 +387,14 @@ def run_filter(
                         s = scalar_update(
                             innovation, design[i], noise_variance[i], covariance, error, gain
                         )
-                        aid_scalar[done, i, 0] = innovation
-                        aid_scalar[done, i, 1] = s
+                        aid_scalar[u, i, 0] = innovation
+                        aid_scalar[u, i, 1] = s
                         if keep_nodes:
-                            aid_row[done, i] = design[i]
-                            aid_gain[done, i] = gain
+                            aid_row[done % aid_kept, i] = design[i]
+                            aid_gain[done % aid_kept, i] = gain
                     feed_back(error, position, velocity, quaternion, rotation, sensor_state)
                     if keep_nodes:
-                        node_error[nodes] += error
+                        node_error[nodes % node_kept] += error
                     correct_sample(
                         gyro[k],
                         accel[k],
@@ -442,33 +405,42 @@ def run_filter(
                         angle,
                         velocity_increment,
                     )
+                    if smooth:
+                        coning_and_sculling(angle, velocity_increment, past, step, coning, sculling)
                 done += 1
                 if keep_nodes:
-                    node_aid[nodes, 1] = done
-            node_sensor[nodes] = sensor_state
+                    node_aid[nodes % node_kept, 1] = done
+            place = nodes % node_places
+            node_sensor[place] = sensor_state
             for j in range(m):
-                node_sensor_sd[nodes, j] = math.sqrt(max(covariance[9 + j, 9 + j], 0.0))
+                node_sensor_sd[place, j] = math.sqrt(max(covariance[9 + j, 9 + j], 0.0))
             if keep_nodes:
-                node_covariance[nodes] = covariance
+                node_covariance[nodes % node_kept] = covariance
             if not aiding:
                 break
 
         if vehicle >= 0:
             # the springs of a vehicle answer within a fraction of a second; single samples of the
             # gyros are mostly noise
-            share = min(step / 0.2, 1.0) if k > 0 else 1.0
-            blend = min(step / 0.1, 1.0) if k > 0 else 1.0
-            turn_noise = blend / ((2.0 - blend) * step)
+            share = 1.0 if first else min(step / 0.2, 1.0)
+            blend = 1.0 if first else min(step / 0.1, 1.0)
+            habits[6] = blend
+            habits[7] = blend / ((2.0 - blend) * step)
             for i in range(3):
-                force[i] += share * (velocity_increment[i] / step - force[i])
+                habits[i] += share * (velocity_increment[i] / step - habits[i])
                 rate = angle[i] / step
                 for c in range(3):
                     rate -= rotation[c, i] * earth[3 + c]
-                turn[i] += blend * (rate - turn[i])
-        previous_angle[:] = angle
-        previous_velocity[:] = velocity_increment
+                habits[3 + i] += blend * (rate - habits[3 + i])
+        for i in range(3):
+            past[2, i], past[2, 3 + i] = past[1, i], past[1, 3 + i]
+            past[1, i], past[1, 3 + i] = past[0, i], past[0, 3 + i]
+            past[0, i] = angle[i] / step
+            past[0, 3 + i] = velocity_increment[i] / step
+        last, step_before = end, step
+        counters[0] += 1
         if not math.isfinite(position[0] + position[2] + velocity[2] + covariance[6, 6]):
-            return likelihood, nodes + 1, k
+            return k
         if keep_samples:
             for i in range(3):
                 out_position[k, i] = position[i]
@@ -478,4 +450,6 @@ def run_filter(
                 for j in range(3):
                     out_rotation[k, i, j] = rotation[i, j]
                     out_position_covariance[k, i, j] = covariance[i, j]
-    return likelihood, nodes + 1, -1
+    counters[1], counters[2], counters[3] = done, nodes + 1, 1 if moved else 0
+    habits[8], habits[9], habits[10], habits[11] = discretised, likelihood, last, step_before
+    return -1

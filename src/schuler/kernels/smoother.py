@@ -1,4 +1,4 @@
-"""Fixed-interval smoothing backwards over the nodes of a filter run.
+"""Smoothing backwards over the nodes of a filter run, from its end or from a fixed lag.
 
 The modified Bryson-Frazier form: equal to Rauch-Tung-Striebel in exact arithmetic, but it never
 inverts a covariance, so states that are known almost perfectly or not at all do no harm.
@@ -126,8 +126,89 @@ def back_through_transition(
 
 
 @kernel()
+def back_through_node(
+    node: int,
+    adjoint: Array,
+    information: Array,
+    node_top: Array,
+    node_transition: Array,
+    node_aid: Integers,
+    block: Integers,
+    aid_accepted: NDArray[np.bool_],
+    aid_row: Array,
+    aid_gain: Array,
+    aid_scalar: Array,
+    work: Array,
+) -> None:
+    """Take the adjoint variables from behind a node's updates to behind those of the node before.
+
+    Arrays as `run_filter` leaves them, rows modulo their number; `work` (s, s).
+    """
+    place, kept = node % node_top.shape[0], max(aid_row.shape[0], 1)
+    all_aids = max(aid_accepted.size, 1)
+    for u in range(node_aid[place, 1] - 1, node_aid[place, 0] - 1, -1):
+        if not aid_accepted[u % all_aids]:
+            continue
+        for i in range(2, -1, -1):
+            if aid_scalar[u % all_aids, i, 1] > 0.0:
+                back_through_update(
+                    adjoint,
+                    information,
+                    aid_row[u % kept, i],
+                    aid_gain[u % kept, i],
+                    aid_scalar[u % all_aids, i, 0],
+                    aid_scalar[u % all_aids, i, 1],
+                    work[0],
+                )
+    back_through_transition(
+        adjoint, information, node_top[place], node_transition[place], block, work
+    )
+
+
+@kernel()
+def smoothed_state(
+    covariance: Array,
+    adjoint: Array,
+    information: Array,
+    line: Array,
+    error: Array,
+    position: Array,
+    variance: Array,
+) -> None:
+    """What is known at a node with everything behind it: x = -P lambda, P - P Lambda P.
+
+    Writes the error (s,) left in the filter's state, the covariance (3, 3) of position and the
+    variances (s,) of all states.
+    """
+    n = adjoint.size
+    for i in range(n):
+        value = 0.0
+        for q in range(n):
+            value -= covariance[i, q] * adjoint[q]
+            line[q] = 0.0
+        error[i] = value
+        for q in range(n):
+            p = covariance[i, q]
+            for r in range(n):
+                line[r] += p * information[q, r]
+        value = covariance[i, i]
+        for r in range(n):
+            value -= line[r] * covariance[r, i]
+        variance[i] = max(value, 0.0)
+        if i < 3:
+            for j in range(3):
+                value = covariance[i, j]
+                for r in range(n):
+                    value -= line[r] * covariance[r, j]
+                position[i, j] = value
+
+
+@kernel()
 def smooth_nodes(
-    nodes: int,
+    first: int,
+    stop: int,
+    adjoint: Array,
+    information: Array,
     node_covariance: Array,
     node_top: Array,
     node_transition: Array,
@@ -141,50 +222,107 @@ def smooth_nodes(
     smoothed_position: Array,
     smoothed_variance: Array,
 ) -> None:
-    """Smooth all nodes of `run_filter`.
+    """Smooth the nodes from stop - 1 down to `first`; the adjoint variables go on from there.
 
-    Writes smoothed_error (k, s): estimated error left in the filter's state after its update at
-    each node; smoothed_position (k, 3, 3): its position covariance; smoothed_variance (k, s).
+    Arrays of nodes and measurements as `run_filter` leaves them, rows modulo their number.
+    adjoint (s,) and information (s, s): zero at the end of a run. Writes, by number of node,
+    smoothed_error (k, s): estimated error left in the filter's state after its update at each
+    node; smoothed_position (k, 3, 3): its position covariance; smoothed_variance (k, s).
+    """
+    n = adjoint.size
+    work, line = np.empty((n, n)), np.empty(n)
+    for k in range(stop - 1, first - 1, -1):
+        smoothed_state(
+            node_covariance[k % node_covariance.shape[0]],
+            adjoint,
+            information,
+            line,
+            smoothed_error[k],
+            smoothed_position[k],
+            smoothed_variance[k],
+        )
+        back_through_node(
+            k,
+            adjoint,
+            information,
+            node_top,
+            node_transition,
+            node_aid,
+            block,
+            aid_accepted,
+            aid_row,
+            aid_gain,
+            aid_scalar,
+            work,
+        )
+
+
+@kernel()
+def smooth_with_lag(
+    horizon: Integers,
+    first: int,
+    node_covariance: Array,
+    node_top: Array,
+    node_transition: Array,
+    node_aid: Integers,
+    block: Integers,
+    aid_accepted: NDArray[np.bool_],
+    aid_row: Array,
+    aid_gain: Array,
+    aid_scalar: Array,
+    here_error: Array,
+    here_position: Array,
+    here_variance: Array,
+    next_error: Array,
+    next_position: Array,
+    next_variance: Array,
+) -> None:
+    """Smooth each node, and the one behind it, with what is measured up to a horizon.
+
+    horizon (k,): the last node whose measurements may be used for node first + i; node i itself
+    where nothing later may. Arrays of nodes as in `smooth_nodes`. Writes by i the state at the
+    node and that at the next one under the same horizon, each as in `smoothed_state`; the latter
+    is left alone where the horizon is the node itself.
     """
     n = node_covariance.shape[1]
-    adjoint = np.zeros(n)
-    information = np.zeros((n, n))
-    work = np.empty((max(n, 1), n))
-    line = np.empty(n)
-    for k in range(nodes - 1, -1, -1):
-        covariance = node_covariance[k]
-        for i in range(n):
-            value = 0.0
-            for q in range(n):
-                value -= covariance[i, q] * adjoint[q]
-                line[q] = 0.0
-            smoothed_error[k, i] = value
-            for q in range(n):
-                p = covariance[i, q]
-                for r in range(n):
-                    line[r] += p * information[q, r]
-            value = covariance[i, i]
-            for r in range(n):
-                value -= line[r] * covariance[r, i]
-            smoothed_variance[k, i] = max(value, 0.0)
-            if i < 3:
-                for j in range(3):
-                    value = covariance[i, j]
-                    for r in range(n):
-                        value -= line[r] * covariance[r, j]
-                    smoothed_position[k, i, j] = value
-        for u in range(node_aid[k, 1] - 1, node_aid[k, 0] - 1, -1):
-            if not aid_accepted[u]:
-                continue
-            for i in range(2, -1, -1):
-                if aid_scalar[u, i, 1] > 0.0:
-                    back_through_update(
-                        adjoint,
-                        information,
-                        aid_row[u, i],
-                        aid_gain[u, i],
-                        aid_scalar[u, i, 0],
-                        aid_scalar[u, i, 1],
-                        line,
-                    )
-        back_through_transition(adjoint, information, node_top[k], node_transition[k], block, work)
+    places = node_covariance.shape[0]
+    adjoint, information = np.empty(n), np.empty((n, n))
+    work, line = np.empty((n, n)), np.empty(n)
+    for i in range(horizon.size):
+        node = first + i
+        adjoint[:] = 0.0
+        information[:, :] = 0.0
+        for k in range(horizon[i], node, -1):
+            if k == node + 1:
+                smoothed_state(
+                    node_covariance[k % places],
+                    adjoint,
+                    information,
+                    line,
+                    next_error[i],
+                    next_position[i],
+                    next_variance[i],
+                )
+            back_through_node(
+                k,
+                adjoint,
+                information,
+                node_top,
+                node_transition,
+                node_aid,
+                block,
+                aid_accepted,
+                aid_row,
+                aid_gain,
+                aid_scalar,
+                work,
+            )
+        smoothed_state(
+            node_covariance[node % places],
+            adjoint,
+            information,
+            line,
+            here_error[i],
+            here_position[i],
+            here_variance[i],
+        )

@@ -1,9 +1,9 @@
 """One step of the strapdown navigation equations in north-east-down on the turning ellipsoid.
 
 Spec 7.1; Titterton and Weston, Strapdown Inertial Navigation Technology, 2nd ed., chapter 11;
-two-sample coning and sculling as Savage 1998. State arrays are changed in place:
-position (latitude rad, longitude rad, height m), velocity (north, east, down m/s), quaternion
-(scalar first, body to n), rotation (its matrix).
+Savage, Strapdown Inertial Navigation Integration Algorithm Design, J. Guidance 21, 1998. State
+arrays are changed in place: position (latitude rad, longitude rad, height m), velocity (north,
+east, down m/s), quaternion (scalar first, body to n), rotation (its matrix).
 """
 
 from __future__ import annotations
@@ -73,12 +73,74 @@ def rotation_from_quaternion(quaternion: Array, rotation: Array) -> None:
 
 
 @kernel(inline=True)
+def cross(x: Array, y: Array, factor: float, result: Array) -> None:
+    """Add factor x cross y to the result, all (3,)."""
+    result[0] += factor * (x[1] * y[2] - x[2] * y[1])
+    result[1] += factor * (x[2] * y[0] - x[0] * y[2])
+    result[2] += factor * (x[0] * y[1] - x[1] * y[0])
+
+
+@kernel(inline=True)
+def coning_and_sculling(
+    angle: Array, velocity: Array, past: Array, step: float, coning: Array, sculling: Array
+) -> None:
+    """What a sample turns and pushes beyond its increments, as rate and force changed in it.
+
+    Rate and specific force are taken as the cubic polynomials with the increments of this sample,
+    `angle` and `velocity` (3,), and of the three before it: past (3, 6), their mean rates and
+    forces, newest first. With x0 .. x3 the increments, newest first, the coning integral
+    1/2 int alpha x w dt is the sum of k_ij x_i cross x_j below, and sculling, 1/2 int (alpha x f +
+    upsilon x w) dt, the same form in both (Savage 1998). Of the terms of third
+    order in sculling those that vanish for constant rate and force are here, to the first order
+    of their change. Two increments alone would give x1 cross x0 / 12.
+    """
+    a0, a1, a2 = angle[0], angle[1], angle[2]
+    u0, u1, u2 = velocity[0], velocity[1], velocity[2]
+    b, v = past[0, 0:3], past[0, 3:6]
+    c, w = past[1, 0:3], past[1, 3:6]
+    d, x = past[2, 0:3], past[2, 3:6]
+    # this sample with the three before it, then those among each other
+    k1, k2, k3 = -473.0 / 1890.0 * step, 1919.0 / 15120.0 * step, -53.0 / 1890.0 * step
+    p0 = k1 * b[0] + k2 * c[0] + k3 * d[0]
+    p1 = k1 * b[1] + k2 * c[1] + k3 * d[1]
+    p2 = k1 * b[2] + k2 * c[2] + k3 * d[2]
+    q0 = k1 * v[0] + k2 * w[0] + k3 * x[0]
+    q1 = k1 * v[1] + k2 * w[1] + k3 * x[1]
+    q2 = k1 * v[2] + k2 * w[2] + k3 * x[2]
+    coning[0] = a1 * p2 - a2 * p1
+    coning[1] = a2 * p0 - a0 * p2
+    coning[2] = a0 * p1 - a1 * p0
+    sculling[0] = a1 * q2 - a2 * q1 + u1 * p2 - u2 * p1
+    sculling[1] = a2 * q0 - a0 * q2 + u2 * p0 - u0 * p2
+    sculling[2] = a0 * q1 - a1 * q0 + u0 * p1 - u1 * p0
+    square = step * step
+    k12, k13, k23 = -2.0 / 315.0 * square, 29.0 / 15120.0 * square, -1.0 / 3780.0 * square
+    cross(b, c, k12, coning)
+    cross(b, d, k13, coning)
+    cross(c, d, k23, coning)
+    cross(b, w, k12, sculling)
+    cross(v, c, k12, sculling)
+    cross(b, x, k13, sculling)
+    cross(v, d, k13, sculling)
+    cross(c, x, k23, sculling)
+    cross(w, d, k23, sculling)
+    # (a x (a x f') - w' x (a x u)) / 24 with the changes f' and w' over a sample
+    g0, g1, g2 = u0 - v[0] * step, u1 - v[1] * step, u2 - v[2] * step
+    h0, h1, h2 = a0 - b[0] * step, a1 - b[1] * step, a2 - b[2] * step
+    m0, m1, m2 = a1 * g2 - a2 * g1, a2 * g0 - a0 * g2, a0 * g1 - a1 * g0
+    n0, n1, n2 = a1 * u2 - a2 * u1, a2 * u0 - a0 * u2, a0 * u1 - a1 * u0
+    sculling[0] += (a1 * m2 - a2 * m1 - h1 * n2 + h2 * n1) / 24.0
+    sculling[1] += (a2 * m0 - a0 * m2 - h2 * n0 + h0 * n2) / 24.0
+    sculling[2] += (a0 * m1 - a1 * m0 - h0 * n1 + h1 * n0) / 24.0
+
+
+@kernel(inline=True)
 def strapdown_step(
     dt: float,
     increment_angle: Array,
     increment_velocity: Array,
-    previous_angle: Array,
-    previous_velocity: Array,
+    coning: Array,
+    sculling: Array,
     position: Array,
     velocity: Array,
     quaternion: Array,
@@ -87,29 +149,23 @@ def strapdown_step(
 ) -> None:
     """Advance the navigation state by one step.
 
-    Parameters are increments over this step (3,) in rad and m/s and those over the whole IMU
-    sample before it (for coning and sculling), then the state, changed in place. `earth` (10,)
-    receives what the error model needs: specific force in n (3), the n-frame's rate (3), the
-    Coriolis rate (3), the vertical gravity gradient.
+    Parameters are increments over this step (3,) in rad and m/s with what `coning_and_sculling`
+    adds to them, then the state, changed in place. `earth` (10,) receives what the error model
+    needs: specific force in n (3), the n-frame's rate (3), the Coriolis rate (3), the vertical
+    gravity gradient.
     """
-    # rotation vector of the step, coning: phi = a + (a_prev x a)/12
     a0, a1, a2 = increment_angle[0], increment_angle[1], increment_angle[2]
     u0, u1, u2 = increment_velocity[0], increment_velocity[1], increment_velocity[2]
-    b0, b1, b2 = previous_angle[0] / 12.0, previous_angle[1] / 12.0, previous_angle[2] / 12.0
-    w0 = previous_velocity[0] / 12.0
-    w1 = previous_velocity[1] / 12.0
-    w2 = previous_velocity[2] / 12.0
-    phi0 = a0 + (b1 * a2 - b2 * a1)
-    phi1 = a1 + (b2 * a0 - b0 * a2)
-    phi2 = a2 + (b0 * a1 - b1 * a0)
-    # velocity increment in the body frame at the start: rotation and sculling
-    h0, h1, h2 = 0.5 * a0 + b0, 0.5 * a1 + b1, 0.5 * a2 + b2
-    # the second-order term a x (a x u)/6 adds up in steady turns
+    phi0, phi1, phi2 = a0 + coning[0], a1 + coning[1], a2 + coning[2]
+    # velocity increment in the body frame at the start, turning at a constant rate:
+    # u + a x u (1/2 - a²/24) + a x (a x u)/6
+    square = a0 * a0 + a1 * a1 + a2 * a2
     along = (a0 * u0 + a1 * u1 + a2 * u2) / 6.0
-    square = (a0 * a0 + a1 * a1 + a2 * a2) / 6.0
-    s0 = u0 + (h1 * u2 - h2 * u1) + (w1 * a2 - w2 * a1) + a0 * along - u0 * square
-    s1 = u1 + (h2 * u0 - h0 * u2) + (w2 * a0 - w0 * a2) + a1 * along - u1 * square
-    s2 = u2 + (h0 * u1 - h1 * u0) + (w0 * a1 - w1 * a0) + a2 * along - u2 * square
+    turn = 0.5 - square / 24.0
+    rest = 1.0 - square / 6.0
+    s0 = rest * u0 + turn * (a1 * u2 - a2 * u1) + a0 * along + sculling[0]
+    s1 = rest * u1 + turn * (a2 * u0 - a0 * u2) + a1 * along + sculling[1]
+    s2 = rest * u2 + turn * (a0 * u1 - a1 * u0) + a2 * along + sculling[2]
     f0 = rotation[0, 0] * s0 + rotation[0, 1] * s1 + rotation[0, 2] * s2
     f1 = rotation[1, 0] * s0 + rotation[1, 1] * s1 + rotation[1, 2] * s2
     f2 = rotation[2, 0] * s0 + rotation[2, 1] * s1 + rotation[2, 2] * s2

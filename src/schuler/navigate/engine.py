@@ -1,125 +1,222 @@
-"""The door to the filter kernel: states and recordings in, stored runs out."""
+"""The batch filter: states and recordings in, stored runs out.
+
+What a smoother needs of every node may outgrow memory on long runs with many measurements. A run
+then keeps the filter's memory at a few samples only, and computes the nodes between two of them
+once more when the smoother comes by; the numbers are the same to the last bit.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigate.aiding import LINEAR, AidingSchedule
+from schuler.navigate.aiding import AidingSchedule
+from schuler.navigate.outputs import (
+    AidingOutputs,
+    NodeOutputs,
+    SampleOutputs,
+    measurement_bytes,
+    node_bytes,
+)
 from schuler.navigate.sensor_states import SensorErrorModel
+from schuler.navigate.stepping import (
+    NO_SCALE,
+    NO_VEHICLE,
+    FilterStepper,
+    InitialState,
+    VehicleStates,
+    aiding_arrays,
+    measurement_arrays,
+    node_arrays,
+    sample_arrays,
+)
+
+__all__ = [
+    "NO_VEHICLE",
+    "SMOOTHER_MEMORY",
+    "AidingOutputs",
+    "FilterRun",
+    "InitialState",
+    "NodeOutputs",
+    "NodeStretch",
+    "SampleOutputs",
+    "VehicleStates",
+    "gate_thresholds",
+    "run_engine",
+]
 
 FloatArray = NDArray[np.float64]
 
-# steps longer than this are integrated in pieces (s)
-LONGEST_STEP = 0.05
-# refusals in a row of one kind before the gate lets the next one in
-PATIENCE = 4
-# a wheeled vehicle faster than this shows its mounting; one slower than this may stand (m/s)
-ROLLING = 1.0
-STANDING = 0.2
+# bytes that nodes and measurements may take for the smoother before they are computed twice
+SMOOTHER_MEMORY = 5e8
+# two measurements closer than this share a node (s); no checkpoint comes between them
+ONE_NODE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class InitialState:
-    """Where a run starts, at the first IMU sample.
+class NodeStretch:
+    """Neighbouring nodes with all that the smoother needs.
 
     Parameters
     ----------
-    position : (3,) ndarray
-        Latitude rad, longitude rad, height m.
-    velocity : (3,) ndarray
-        North, east, down, m/s.
-    rotation : (3, 3) ndarray
-        C_nb.
-    sensor_state : (m,) ndarray
-        Sensor error states, SI.
-    covariance : (9 + m, 9 + m) ndarray
-        Of position (m), velocity (m/s), attitude (rad), sensor states.
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    rotation: FloatArray
-    sensor_state: FloatArray
-    covariance: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class VehicleStates:
-    """Where the filter finds what it knows of the vehicle.
-
-    Parameters
-    ----------
-    first : int
-        Place of the first of the vehicle's states among the sensor states; -1: there are none.
-    mounting : (3, 3) ndarray
-        Vehicle (forward, right, down) from IMU, before the estimated correction.
+    first, stop : int
+        Numbers of the first node and of the one behind the last.
+    nodes : NodeOutputs
+        Node number k in row k modulo the number of rows of each array.
+    row, gain : ndarray
+        Of the measurements, likewise.
     """
 
     first: int
-    mounting: FloatArray
-
-
-NO_VEHICLE = VehicleStates(-1, np.eye(3))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SampleOutputs:
-    """The filter's state at every IMU sample; arrays with n rows, as in `run_filter`."""
-
-    position: FloatArray
-    velocity: FloatArray
-    rotation: FloatArray
-    position_covariance: FloatArray
-    velocity_sd: FloatArray
-    attitude_sd: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AidingOutputs:
-    """What happened at every aiding measurement; arrays with u rows, as in `run_filter`."""
-
-    residual: FloatArray
-    deviation: FloatArray
-    nis: FloatArray
-    degrees: NDArray[np.int64]
-    accepted: NDArray[np.bool_]
+    stop: int
+    nodes: NodeOutputs
     row: FloatArray
     gain: FloatArray
-    scalar: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NodeOutputs:
-    """What the smoother needs; arrays with k rows, as in `run_filter`."""
+class Checkpoints:
+    """A run that can be computed once more, part by part.
 
-    time: FloatArray
-    sensor_state: FloatArray
-    sensor_sd: FloatArray
-    covariance: FloatArray
-    top: FloatArray
-    transition: FloatArray
-    error: FloatArray
-    aid: NDArray[np.int64]
+    Parameters
+    ----------
+    stepper : FilterStepper
+        Of the run; its memory is overwritten.
+    start : tuple of int
+        First sample of every part, and the number of samples.
+    nodes : tuple of int
+        Nodes made before every part, and in all.
+    memories, counters : tuple of ndarray
+        Of the filter before every part.
+    inputs : tuple
+        Time, gyro, accel, white scale, arrays of measurements, and the time of the last node
+        before every part.
+    """
+
+    stepper: FilterStepper
+    start: tuple[int, ...]
+    nodes: tuple[int, ...]
+    memories: tuple[FloatArray, ...]
+    counters: tuple[NDArray[np.int64], ...]
+    inputs: tuple[Any, ...]
 
     @property
-    def size(self) -> int:
-        """Number of nodes."""
-        return int(self.time.size)
+    def bytes(self) -> int:
+        """Bytes of the stored memories."""
+        return int(
+            sum(m.nbytes + c.nbytes for m, c in zip(self.memories, self.counters, strict=True))
+        )
+
+    def part(self, p: int, aiding: AidingOutputs) -> NodeStretch:
+        """Compute the nodes of one part once more.
+
+        Parameters
+        ----------
+        p : int
+            Number of the part.
+        aiding : AidingOutputs
+            Of the whole run; what is written agrees with what is there.
+
+        Returns
+        -------
+        NodeStretch
+            The nodes made in it.
+        """
+        stepper = self.stepper
+        stepper.memory[:], stepper.counters[:] = self.memories[p], self.counters[p]
+        own = slice(self.start[p], self.start[p + 1])
+        time, gyro, accel, scale, measurements, last_node = self.inputs
+        first, stop = self.nodes[p], self.nodes[p + 1]
+        begun = int(self.counters[p][1])
+        ended = begun + int(np.sum(measurements[1][begun:] <= time[own.stop - 1]))
+        # one more: the node before the part is looked at
+        nodes = NodeOutputs.empty(stop - first + 1, stop - first + 1, stepper.size, stepper.width)
+        nodes.time[(first - 1) % nodes.size] = last_node[p]
+        kept = AidingOutputs.empty(0, max(ended - begun, 1), stepper.size)
+        again = AidingOutputs(
+            aiding.residual,
+            aiding.deviation,
+            aiding.nis,
+            aiding.degrees,
+            aiding.accepted,
+            kept.row,
+            kept.gain,
+            aiding.scalar,
+        )
+        stepper.advance(
+            time[own],
+            gyro[own],
+            accel[own],
+            scale[own] if scale.size else scale,
+            measurements,
+            sample_arrays(SampleOutputs.empty(0)),
+            aiding_arrays(again),
+            node_arrays(nodes),
+            closing=p + 2 == len(self.start),
+        )
+        return NodeStretch(first, stop, nodes, kept.row, kept.gain)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterRun:
-    """Everything that one pass of the filter left behind."""
+    """Everything that one pass of the filter left behind.
+
+    Parameters
+    ----------
+    samples : SampleOutputs
+        State at every sample, if kept.
+    aiding : AidingOutputs
+        At every measurement.
+    nodes : NodeOutputs
+        At every node; without what the smoother needs where that is computed once more.
+    log_likelihood : float
+        Of the accepted measurements.
+    checkpoints : Checkpoints or None
+        Where to compute nodes from once more.
+    """
 
     samples: SampleOutputs
     aiding: AidingOutputs
     nodes: NodeOutputs
     log_likelihood: float
+    checkpoints: Checkpoints | None = None
+
+    @property
+    def smoother_bytes(self) -> int:
+        """Bytes kept for the smoother."""
+        if self.checkpoints is not None:
+            return self.checkpoints.bytes
+        nodes, aiding = self.nodes, self.aiding
+        kept = (nodes.covariance, nodes.top, nodes.transition, nodes.error, aiding.row, aiding.gain)
+        return int(sum(a.nbytes for a in kept))
+
+    @property
+    def smoothable(self) -> bool:
+        """Whether the run kept what the smoother needs."""
+        kept = self.nodes.covariance.size > 0 or self.checkpoints is not None
+        return kept and self.samples.position.size > 0
+
+    def stretches_back(self) -> Iterator[NodeStretch]:
+        """Yield all nodes with what the smoother needs, in stretches from the last to the first.
+
+        Yields
+        ------
+        NodeStretch
+            Valid until the next one is asked for.
+        """
+        if self.checkpoints is None:
+            row, gain = self.aiding.row, self.aiding.gain
+            yield NodeStretch(0, self.nodes.size, self.nodes, row, gain)
+            return
+        for p in range(len(self.checkpoints.memories) - 1, -1, -1):
+            yield self.checkpoints.part(p, self.aiding)
 
 
 def gate_thresholds(false_alarm: float) -> FloatArray:
@@ -156,6 +253,7 @@ def run_engine(
     keep_samples: bool = True,
     keep_nodes: bool = True,
     node_interval: float = 0.25,
+    smoother_memory: float = SMOOTHER_MEMORY,
 ) -> FilterRun:
     """Run the filter over a recording.
 
@@ -179,6 +277,9 @@ def run_engine(
         Whether to store the state at every sample, and what the smoother needs.
     node_interval : float
         Longest time between nodes, s.
+    smoother_memory : float
+        Bytes that may be kept for the smoother; a run that needs more keeps checkpoints instead
+        and computes the nodes between them once more.
 
     Returns
     -------
@@ -190,128 +291,93 @@ def run_engine(
     NavigationError
         The state stopped being finite, or a measurement refers to states that do not exist.
     """
-    from schuler.kernels.filter import run_filter
-    from schuler.rotations import quaternion_from_dcm
-
-    layout = model.layout()
-    _check_schedule(schedule, model)
-    n, m, u = imu.size, model.size, schedule.size
-    s = 9 + m
-    rows = n if keep_samples else 0
-    samples = SampleOutputs(
-        position=np.empty((rows, 3)),
-        velocity=np.empty((rows, 3)),
-        rotation=np.empty((rows, 3, 3)),
-        position_covariance=np.empty((rows, 3, 3)),
-        velocity_sd=np.empty((rows, 3)),
-        attitude_sd=np.empty((rows, 3)),
+    stepper = FilterStepper(
+        initial,
+        model,
+        gate=gate,
+        vehicle=vehicle,
+        node_interval=node_interval,
+        accumulating=keep_nodes,
     )
+    measurements = measurement_arrays(schedule, model.size)
+    n, u, s = imu.size, schedule.size, stepper.size
     k = u + int(imu.duration / node_interval) + 3
-    kept, used = (k, u) if keep_nodes else (0, 0)
-    aiding = AidingOutputs(
-        residual=np.full((u, 3), np.nan),
-        deviation=np.full((u, 3), np.nan),
-        nis=np.zeros(u),
-        degrees=np.zeros(u, dtype=np.int64),
-        accepted=np.zeros(u, dtype=np.bool_),
-        row=np.zeros((used, 3, s)),
-        gain=np.zeros((used, 3, s)),
-        scalar=np.zeros((u, 3, 2)),
-    )
-    nodes = NodeOutputs(
-        time=np.zeros(k),
-        sensor_state=np.zeros((k, m)),
-        sensor_sd=np.zeros((k, m)),
-        covariance=np.empty((kept, s, s)),
-        top=np.empty((kept, 9, s)),
-        transition=np.empty((kept, m, layout.drift.shape[1])),
-        error=np.empty((kept, s)),
-        aid=np.zeros((kept, 2), dtype=np.int64),
-    )
-    likelihood, count, bad = run_filter(
-        imu.time,
-        imu.gyro,
-        imu.accel,
-        initial.position.copy(),
-        initial.velocity.copy(),
-        np.ascontiguousarray(quaternion_from_dcm(initial.rotation)),
-        initial.sensor_state.copy(),
-        initial.covariance.copy(),
-        layout.channel,
-        layout.direction,
-        layout.scaled_by,
-        layout.block,
-        layout.interval,
-        layout.drift,
-        layout.diffusion,
-        model.white_covariance,
-        np.empty((0, 6)) if white_scale is None else white_scale,
-        schedule.time,
-        schedule.kind,
-        schedule.value,
-        schedule.variance,
-        schedule.lever_arm,
-        schedule.offset_state,
-        schedule.matrix,
-        schedule.matrices if schedule.matrices.size else np.zeros((1, 3, m)),
-        gate,
-        PATIENCE,
-        LONGEST_STEP,
-        samples.position,
-        samples.velocity,
-        samples.rotation,
-        samples.position_covariance,
-        samples.velocity_sd,
-        samples.attitude_sd,
-        aiding.residual,
-        aiding.deviation,
-        aiding.nis,
-        aiding.degrees,
-        aiding.accepted,
-        node_interval,
-        nodes.time,
-        nodes.sensor_state,
-        nodes.sensor_sd,
-        nodes.covariance,
-        nodes.top,
-        nodes.transition,
-        nodes.error,
-        nodes.aid,
-        aiding.row,
-        aiding.gain,
-        aiding.scalar,
-        vehicle.first,
-        np.ascontiguousarray(vehicle.mounting),
-        ROLLING,
-        STANDING,
-    )
-    if bad >= 0:
-        raise NavigationError(
-            f"the navigation state stopped being finite at {imu.time[bad]:.3f} s",
-            expected="a bounded trajectory",
-            cure="check units and axes of the IMU and the noise model",
-            where=imu.name,
+    needed = k * node_bytes(s, stepper.width) + u * measurement_bytes(s)
+    whole = keep_nodes and needed <= smoother_memory
+    samples = SampleOutputs.empty(n if keep_samples else 0)
+    aiding = AidingOutputs.empty(u, u if whole else 0, s)
+    nodes = NodeOutputs.empty(k, k if whole else 0, s, stepper.width)
+    scale = NO_SCALE if white_scale is None else np.ascontiguousarray(white_scale)
+    starts = [0, n]
+    if keep_nodes and not whole:
+        memory = stepper.memory.nbytes + stepper.counters.nbytes
+        starts = _parts(imu.time, schedule.time, node_interval, needed, memory, smoother_memory)
+    kept: list[tuple[int, FloatArray, NDArray[np.int64], float]] = []
+    for first, stop in pairwise(starts):
+        if keep_nodes and not whole:
+            made = stepper.nodes_made
+            last = float(nodes.time[made - 1]) if made else -np.inf
+            kept.append((made, stepper.memory.copy(), stepper.counters.copy(), last))
+        own = slice(first, stop)
+        bad = stepper.advance(
+            imu.time[own],
+            imu.gyro[own],
+            imu.accel[own],
+            scale[own] if scale.size else scale,
+            measurements,
+            tuple(a[own] for a in sample_arrays(samples)),
+            aiding_arrays(aiding),
+            node_arrays(nodes),
+            closing=stop == n,
         )
-    nodes = NodeOutputs(
-        **{name: getattr(nodes, name)[:count] for name in NodeOutputs.__dataclass_fields__}
-    )
-    return FilterRun(samples=samples, aiding=aiding, nodes=nodes, log_likelihood=likelihood)
-
-
-def _check_schedule(schedule: AidingSchedule, model: SensorErrorModel) -> None:
-    """The kernel does not look whether a measurement refers to states that exist."""
-    linear = schedule.kind == LINEAR
-    if np.any(linear):
-        count, _, width = schedule.matrices.shape
-        if width != model.size:
+        if bad >= 0:
             raise NavigationError(
-                f"linear measurements of {width} sensor states, the model has {model.size}",
-                expected="a column for every sensor state",
+                f"the navigation state stopped being finite at {imu.time[first + bad]:.3f} s",
+                expected="a bounded trajectory",
+                cure="check units and axes of the IMU and the noise model",
+                where=imu.name,
             )
-        if np.any((schedule.matrix[linear] < 0) | (schedule.matrix[linear] >= count)):
-            raise NavigationError("a linear measurement refers to no matrix")
-    if np.any(schedule.offset_state >= model.size):
-        raise NavigationError(
-            f"a measurement refers to sensor state {int(schedule.offset_state.max())}, "
-            f"the model has {model.size}"
+    count = stepper.nodes_made
+    checkpoints = None
+    if kept:
+        before, memories, counters, last_nodes = zip(*kept, strict=True)
+        inputs = (imu.time, imu.gyro, imu.accel, scale, measurements, last_nodes)
+        checkpoints = Checkpoints(
+            stepper, tuple(starts), (*before, count), memories, counters, inputs
         )
+    rows = {f: getattr(nodes, f) for f in NodeOutputs.__dataclass_fields__}
+    return FilterRun(
+        samples=samples,
+        aiding=aiding,
+        nodes=NodeOutputs(**{f: a[:count] for f, a in rows.items()}),
+        log_likelihood=stepper.log_likelihood,
+        checkpoints=checkpoints,
+    )
+
+
+def _parts(
+    time: FloatArray,
+    measured: FloatArray,
+    node_interval: float,
+    needed: float,
+    memory: int,
+    allowed: float,
+) -> list[int]:
+    """First samples of parts with about as many nodes each, and the number of samples.
+
+    With p parts the checkpoints take p memories and the part at hand needed / p bytes: as few
+    parts as fit, and never more than the number that makes their sum least.
+    """
+    least = np.sqrt(needed / memory)
+    half = 0.25 * allowed**2 - needed * memory
+    fits = (0.5 * allowed - np.sqrt(half)) / memory if half > 0.0 else least
+    count = int(np.clip(np.ceil(fits), 1, max(time.size // 10, 1)))
+    nodes = np.searchsorted(measured, time, side="right") + (time - time[0]) / node_interval
+    wanted = nodes[-1] * np.arange(1, count) / count
+    inner = np.searchsorted(nodes, wanted, side="right")
+    # not where the next measurement might share the node of the last one
+    ahead = np.searchsorted(measured, time[np.minimum(inner, time.size - 1) - 1], side="right")
+    following = np.append(measured, np.inf)[ahead]
+    clear = following - time[np.minimum(inner, time.size - 1) - 1] > ONE_NODE
+    good = np.unique(inner[clear & (inner > 1) & (inner < time.size - 1)])
+    return [0, *good.tolist(), time.size]

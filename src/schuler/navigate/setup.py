@@ -20,8 +20,8 @@ from schuler.navigate.aiding import (
     merge_schedules,
 )
 from schuler.navigate.alignment import Alignment
-from schuler.navigate.engine import InitialState
 from schuler.navigate.sensor_states import FILTER_CHANNELS, SensorErrorModel
+from schuler.navigate.stepping import InitialState
 from schuler.navigate.vehicle import VehicleConstraint
 from schuler.navigate.vibration import VibrationResponse, vibration_level
 

@@ -63,36 +63,44 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     from schuler.kernels.smoother import smooth_nodes
 
     nodes, aiding = run.nodes, run.aiding
-    if not nodes.covariance.size or not run.samples.position.size:
+    if not run.smoothable:
         raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
     count, s = nodes.size, 9 + model.size
-    error = np.empty((count, s))
+    error, fed_back = np.empty((count, s)), np.empty((count, 9))
     position = np.empty((count, 3, 3))
     variance = np.empty((count, s))
-    smooth_nodes(
-        count,
-        nodes.covariance,
-        nodes.top,
-        nodes.transition,
-        nodes.aid,
-        model.layout().block,
-        aiding.accepted,
-        aiding.row,
-        aiding.gain,
-        aiding.scalar,
-        error,
-        position,
-        variance,
-    )
+    adjoint, information = np.zeros(s), np.zeros((s, s))
+    block = model.layout().block
+    for part in run.stretches_back():
+        smooth_nodes(
+            part.first,
+            part.stop,
+            adjoint,
+            information,
+            part.nodes.covariance,
+            part.nodes.top,
+            part.nodes.transition,
+            part.nodes.aid,
+            block,
+            aiding.accepted,
+            part.row,
+            part.gain,
+            aiding.scalar,
+            error,
+            position,
+            variance,
+        )
+        own = np.arange(part.first, part.stop)
+        fed_back[own] = part.nodes.error[own % len(part.nodes.error), :9]
     sd = np.sqrt(variance)
     before = np.clip(np.searchsorted(nodes.time, time, side="right") - 1, 0, count - 2)
     span = nodes.time[before + 1] - nodes.time[before]
     share = np.clip((time - nodes.time[before]) / span, 0.0, 1.0)[:, None]
     # the error of the state just before the next node's correction was fed back
-    ahead = error[1:] + nodes.error[1:]
+    ahead = error[1:, :9] + fed_back[1:]
     at_end = (time >= nodes.time[-1])[:, None]
     left = np.where(
-        at_end, error[-1, :9], error[before, :9] * (1.0 - share) + ahead[before, :9] * share
+        at_end, error[-1, :9], error[before, :9] * (1.0 - share) + ahead[before] * share
     )
 
     def between(values: FloatArray) -> FloatArray:

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from schuler.data import ImuRecording
 from schuler.errors import InputError
 from schuler.navigate.aiding import VEHICLE_VELOCITY, ZERO_RATE, ZERO_VELOCITY, AidingSchedule
-from schuler.navigate.engine import VehicleStates
 from schuler.navigate.sensor_states import SensorErrorModel
+from schuler.navigate.stepping import VehicleStates
 
 FloatArray = NDArray[np.float64]
 
