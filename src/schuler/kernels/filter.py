@@ -17,7 +17,7 @@ from schuler.kernels.compile import kernel
 from schuler.kernels.covariance import propagate_covariance
 from schuler.kernels.geodesy import radii_of_curvature
 from schuler.kernels.memory import carve_navigation, carve_sensors, carve_total
-from schuler.kernels.strapdown import coning_and_sculling, strapdown_step
+from schuler.kernels.strapdown import coning_and_sculling, remember_sample, strapdown_step
 from schuler.kernels.transition import (
     accumulate_transition,
     correct_sample,
@@ -207,10 +207,8 @@ def run_filter(
         # nobody knows how rates changed in a gap
         smooth = step < 3.0 * step_before
         if first:
-            for i in range(3):
-                for c in range(3):
-                    past[c, i] = angle[i] / step
-                    past[c, 3 + i] = velocity_increment[i] / step
+            for _ in range(3):
+                remember_sample(angle, velocity_increment, step, past)
         if smooth:
             coning_and_sculling(angle, velocity_increment, past, step, coning, sculling)
         else:
@@ -432,11 +430,7 @@ def run_filter(
                 for c in range(3):
                     rate -= rotation[c, i] * earth[3 + c]
                 habits[3 + i] += blend * (rate - habits[3 + i])
-        for i in range(3):
-            past[2, i], past[2, 3 + i] = past[1, i], past[1, 3 + i]
-            past[1, i], past[1, 3 + i] = past[0, i], past[0, 3 + i]
-            past[0, i] = angle[i] / step
-            past[0, 3 + i] = velocity_increment[i] / step
+        remember_sample(angle, velocity_increment, step, past)
         last, step_before = end, step
         counters[0] += 1
         if not math.isfinite(position[0] + position[2] + velocity[2] + covariance[6, 6]):

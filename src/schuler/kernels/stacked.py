@@ -21,7 +21,13 @@ from schuler.kernels.compile import kernel
 from schuler.kernels.constraint import constraint_model
 from schuler.kernels.covariance import channel_rows, navigation_rows
 from schuler.kernels.geodesy import radii_of_curvature
-from schuler.kernels.strapdown import rotate_after, rotation_from_quaternion, strapdown_step
+from schuler.kernels.strapdown import (
+    coning_and_sculling,
+    remember_sample,
+    rotate_after,
+    rotation_from_quaternion,
+    strapdown_step,
+)
 from schuler.kernels.transition import correct_sample, move_sensor_states, sensor_transition
 from schuler.kernels.update import (
     feed_back,
@@ -324,7 +330,9 @@ def run_stacked(
         rotation_from_quaternion(relative_quaternion[i], relative[i])
     earth, transport = np.zeros((blocks, 10)), np.zeros(3)
     angle, increment = np.zeros((blocks, 3)), np.zeros((blocks, 3))
-    before_angle, before_increment = np.zeros((blocks, 3)), np.zeros((blocks, 3))
+    past = np.zeros((blocks, 3, 6))
+    coning, sculling = np.zeros((blocks, 3)), np.zeros((blocks, 3))
+    part_coning, part_sculling = np.zeros(3), np.zeros(3)
     part_angle, part_increment = np.zeros(3), np.zeros(3)
     rows, errors, top = np.zeros(9 * 264), np.zeros(6 * 264), np.zeros(9 * 264)
     transition, noise = np.zeros(drift.shape), np.zeros(drift.shape)
@@ -346,6 +354,7 @@ def run_stacked(
     mean_rows, spread = np.zeros((3, size)), np.empty((3, 3))
     likelihood = 0.0
     discretised = -1.0
+    step_before, smooth = 0.0, True
     done, nodes, constraints = 0, -1, 0
 
     for k in range(n):
@@ -365,8 +374,16 @@ def run_stacked(
                 increment[i],
             )
             if k == 0:
-                before_angle[i] = angle[i]
-                before_increment[i] = increment[i]
+                step_before = step
+                for _ in range(3):
+                    remember_sample(angle[i], increment[i], step, past[i])
+            # nobody knows how rates changed in a gap
+            smooth = step < 3.0 * step_before
+            if smooth:
+                coning_and_sculling(angle[i], increment[i], past[i], step, coning[i], sculling[i])
+            else:
+                coning[i, :] = 0.0
+                sculling[i, :] = 0.0
             if white_scale.shape[0] > 0:
                 for c in range(6):
                     noise_now[i, c] = white[i, c] * white_scale[k, c]
@@ -400,12 +417,14 @@ def run_stacked(
                                 for c in range(3):
                                     part_angle[c] = angle[i, c] * share
                                     part_increment[c] = increment[i, c] * share
+                                    part_coning[c] = coning[i, c] * share
+                                    part_sculling[c] = sculling[i, c] * share
                                 strapdown_step(
                                     dt,
                                     part_angle,
                                     part_increment,
-                                    before_angle[i],
-                                    before_increment[i],
+                                    part_coning,
+                                    part_sculling,
                                     position[i],
                                     velocity[i],
                                     quaternion[i],
@@ -651,6 +670,10 @@ def run_stacked(
                         angle[i],
                         increment[i],
                     )
+                    if smooth:
+                        coning_and_sculling(
+                            angle[i], increment[i], past[i], step, coning[i], sculling[i]
+                        )
                 done += 1
             for i in range(blocks):
                 for j in range(first[i], first[i + 1]):
@@ -666,10 +689,10 @@ def run_stacked(
             if not aiding:
                 break
 
+        step_before = step
         total = 0.0
         for i in range(blocks):
-            before_angle[i] = angle[i]
-            before_increment[i] = increment[i]
+            remember_sample(angle[i], increment[i], step, past[i])
             at = int(offset[i])
             total += position[i, 0] + position[i, 2] + velocity[i, 2] + covariance[at, at]
         if not math.isfinite(total):

@@ -135,6 +135,16 @@ def coning_and_sculling(
 
 
 @kernel(inline=True)
+def remember_sample(angle: Array, velocity: Array, step: float, past: Array) -> None:
+    """Move the samples of `past` (3, 6) one back, and put this one first, as rates."""
+    for i in range(3):
+        past[2, i], past[2, 3 + i] = past[1, i], past[1, 3 + i]
+        past[1, i], past[1, 3 + i] = past[0, i], past[0, 3 + i]
+        past[0, i] = angle[i] / step
+        past[0, 3 + i] = velocity[i] / step
+
+
+@kernel(inline=True)
 def strapdown_step(
     dt: float,
     increment_angle: Array,

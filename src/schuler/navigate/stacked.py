@@ -15,7 +15,7 @@ from schuler.data import GnssRecording, Trajectory
 from schuler.errors import InputError, NavigationError
 from schuler.navigate.aiding import VELOCITY
 from schuler.navigate.array_preparation import PreparedArray, own_factors
-from schuler.navigate.engine import LONGEST_STEP, PATIENCE, InitialState
+from schuler.navigate.stepping import LONGEST_STEP, PATIENCE, InitialState
 from schuler.rotations import quaternion_from_dcm, skew
 
 FloatArray = NDArray[np.float64]
