@@ -8,10 +8,10 @@ import pytest
 
 from schuler.studies.reproduction import named_parts, reproduce, select
 
-FIGURES = {"tamazin2013": (*range(1, 8),)}
-TABLES = {"tamazin2013": (1, 2)}
-EQUATIONS = {"tamazin2013": (*range(1, 30),)}
-SLIPS = {"tamazin2013": (*range(1, 13),)}
+FIGURES = {"tamazin2013": (*range(1, 8),), "quinchia2013": (*range(1, 27),)}
+TABLES = {"tamazin2013": (1, 2), "quinchia2013": (*range(1, 11),)}
+EQUATIONS = {"tamazin2013": (*range(1, 30),), "quinchia2013": (*range(1, 37),)}
+SLIPS = {"tamazin2013": (*range(1, 13),), "quinchia2013": (*range(1, 20),)}
 
 
 @pytest.mark.parametrize("paper", FIGURES)
