@@ -76,5 +76,6 @@ def draw_vehicle(
     mu = np.random.default_rng([seed, 77]).standard_normal(3) * MOUNTING_SD
     nominal = dcm_from_rotation_vector(-mu) @ MOUNTING
     vehicle = VehicleConstraint(constraints, nominal, twin.setup.model.size, **sd)
-    setup = replace(twin.setup, model=with_vehicle_states(twin.setup.model), vehicle=vehicle)
+    model = with_vehicle_states(twin.setup.model, constraints)
+    setup = replace(twin.setup, model=model, vehicle=vehicle)
     return VehicleTwin(twin, replace(twin, setup=setup), mu)

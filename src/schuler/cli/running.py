@@ -29,7 +29,8 @@ class RunOptions:
         Scale the noise by the likelihood of the drive; done only when no noise model is given.
     aid : tuple of str
         What is known of the vehicle: nhc, it has wheels and rolls along its forward axis; zupt,
-        it does not move while the IMU feels no motion. May be repeated.
+        it does not move while the IMU feels no motion; wheel (with nhc), the vibration of its
+        wheels tells its speed in outages. May be repeated.
     """
 
     lever_arm: str = "0,0,0"

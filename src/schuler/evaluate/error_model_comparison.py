@@ -227,7 +227,7 @@ def with_error_model(
     vehicle = setup.vehicle
     if vehicle is not None and vehicle.first_state >= 0:
         vehicle = replace(vehicle, first_state=sensors.size)
-        sensors = with_vehicle_states(sensors)
+        sensors = with_vehicle_states(sensors, vehicle.constraints)
     return replace(setup, model=sensors, vehicle=vehicle)
 
 

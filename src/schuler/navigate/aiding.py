@@ -32,6 +32,8 @@ KIND_NAMES = (
     "zero rate",
     "linear function of sensor states",
 )
+# a velocity in vehicle axes that was measured forward, not supposed across
+WHEEL_SPEED_NAME = "speed from wheel vibration"
 
 
 def _none() -> NDArray[np.int64]:

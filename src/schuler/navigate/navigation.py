@@ -104,7 +104,8 @@ def navigate(
     aiding : sequence of str
         What is known of the vehicle: "nhc", it has wheels and rolls along its forward axis
         (mounting, place and slip of the rear axle, and pitch of the springs become states);
-        "zupt", it does not move while the IMU feels no motion.
+        "zupt", it does not move while the IMU feels no motion; "wheel", together with "nhc": the
+        vibration of the wheels tells their speed, once GNSS has told their circumference.
     false_alarm : float
         Probability with which the innovation gate refuses a good measurement; 0: no gate.
     turn_on_accel, turn_on_gyro : float

@@ -139,7 +139,7 @@ def _aided(
             )
         mounting = found.rotation
     vehicle = VehicleConstraint(constraints, np.asarray(mounting), setup.model.size)
-    return replace(setup, model=with_vehicle_states(setup.model), vehicle=vehicle)
+    return replace(setup, model=with_vehicle_states(setup.model, constraints), vehicle=vehicle)
 
 
 def _check_inputs(imu: ImuRecording, gnss: GnssRecording) -> None:

@@ -15,7 +15,14 @@ from schuler.data import (
     NavigationSolution,
     Trajectory,
 )
-from schuler.navigate.aiding import KIND_NAMES, VELOCITY, AidingSchedule
+from schuler.navigate.aiding import (
+    KIND_NAMES,
+    VEHICLE_VELOCITY,
+    VELOCITY,
+    WHEEL_SPEED_NAME,
+    AidingSchedule,
+    merge_schedules,
+)
 from schuler.navigate.engine import (
     NO_VEHICLE,
     FilterRun,
@@ -27,6 +34,7 @@ from schuler.navigate.mounting import estimate_mounting
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import RunSetup
 from schuler.navigate.smoother import smooth_run
+from schuler.navigate.wheel_speed import find_wheel_speeds
 
 FloatArray = NDArray[np.float64]
 
@@ -75,25 +83,41 @@ def run(
         Causal and perhaps smoothed solution.
     """
     schedule = setup.schedule(imu, gnss)
+    initial, gate = setup.initial_state(imu, gnss), gate_thresholds(false_alarm)
+    vehicle = NO_VEHICLE if setup.vehicle is None else setup.vehicle.states
+    scale = setup.white_scale(imu) if white_scale is None else white_scale
+    wheel: dict[str, Any] = {}
+    if setup.vehicle is not None and "wheel" in setup.vehicle.constraints:
+        heard = find_wheel_speeds(
+            imu, initial, setup.model, schedule, vehicle, gate=gate, white_scale=scale
+        )
+        schedule = merge_schedules(
+            [schedule, heard.rows(setup.model)], float(imu.time[0]), float(imu.time[-1])
+        )
+        wheel = {"wheel_turns_per_metre": heard.order, "wheel_speeds": heard.time.size}
     result = run_engine(
         imu,
-        setup.initial_state(imu, gnss),
+        initial,
         setup.model,
         schedule,
-        gate=gate_thresholds(false_alarm),
-        white_scale=setup.white_scale(imu) if white_scale is None else white_scale,
-        vehicle=NO_VEHICLE if setup.vehicle is None else setup.vehicle.states,
+        gate=gate,
+        white_scale=scale,
+        vehicle=vehicle,
         keep_nodes=smooth,
     )
     innovations = _innovations(schedule, result)
-    settings = setup.to_dict() | {
-        "imu": imu.name,
-        "gnss": gnss.name,
-        "gnss_epochs_used": gnss.size,
-        "gate_false_alarm": false_alarm,
-        "nis_over_degrees": innovations.gnss.mean_nis,
-        "updates_refused": int((~result.aiding.accepted & (result.aiding.degrees > 0)).sum()),
-    }
+    settings = (
+        setup.to_dict()
+        | wheel
+        | {
+            "imu": imu.name,
+            "gnss": gnss.name,
+            "gnss_epochs_used": gnss.size,
+            "gate_false_alarm": false_alarm,
+            "nis_over_degrees": innovations.gnss.mean_nis,
+            "updates_refused": int((~result.aiding.accepted & (result.aiding.degrees > 0)).sum()),
+        }
+    )
     nodes = result.nodes
     causal = _solution(
         imu,
@@ -129,9 +153,13 @@ def _innovations(schedule: AidingSchedule, result: FilterRun) -> Innovations:
     """All measurements but the constraints that did not apply where they were due."""
     aiding = result.aiding
     due = (schedule.kind <= VELOCITY) | (aiding.degrees > 0)
+    ahead = (schedule.kind == VEHICLE_VELOCITY) & np.isfinite(schedule.variance[:, 0])
     return Innovations(
         time=schedule.time[due],
-        kind=tuple(KIND_NAMES[k] for k in schedule.kind[due]),
+        kind=tuple(
+            WHEEL_SPEED_NAME if wheel else KIND_NAMES[k]
+            for k, wheel in zip(schedule.kind[due], ahead[due], strict=True)
+        ),
         value=aiding.residual[due],
         sd=aiding.deviation[due],
         nis=aiding.nis[due],

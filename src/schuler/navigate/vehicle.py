@@ -23,7 +23,7 @@ from schuler.navigate.stepping import VehicleStates
 
 FloatArray = NDArray[np.float64]
 
-CONSTRAINTS = ("nhc", "zupt")
+CONSTRAINTS = ("nhc", "zupt", "wheel")
 
 # states of the vehicle: name, standard deviation at the start, walk per square root of a second.
 # The roll of the mounting shows in curves and slopes only; a first pass knows it best.
@@ -37,6 +37,11 @@ STATES = (
     ("rear slip", 0.01, 1e-5),
     ("spring pitch", 0.01, 1e-5),
 )
+# one more where the speed is seen in the vibration of the wheels: what is wrong with it for longer
+# than a moment (curves, load and warmth of tyres), m/s, and for how long, s
+WHEEL_STATE = "wheel speed error"
+WHEEL_ERROR_SD = 0.05
+WHEEL_ERROR_TIME = 20.0
 
 # one-second means of a vehicle at rest change by less from one second to the next
 STEADY_ACCEL = 0.08
@@ -56,7 +61,8 @@ class VehicleConstraint:
     ----------
     constraints : tuple of str
         Out of `CONSTRAINTS`: "nhc", no velocity across and through the floor of a vehicle that
-        rolls; "zupt", no velocity and no rate in a vehicle that stands.
+        rolls; "zupt", no velocity and no rate in a vehicle that stands; "wheel", its speed shows
+        in the vibration of its wheels.
     mounting : (3, 3) ndarray
         Vehicle (forward, right, down) from IMU, to a few degrees.
     first_state : int
@@ -173,21 +179,30 @@ def detect_standstill(imu: ImuRecording) -> Standstill:
     return Standstill(time=imu.time[ends[steady]], gyro=gyro[steady], down=down)
 
 
-def with_vehicle_states(model: SensorErrorModel) -> SensorErrorModel:
+def with_vehicle_states(
+    model: SensorErrorModel, constraints: Sequence[str] = ("nhc",)
+) -> SensorErrorModel:
     """Append the states of a vehicle to those of its IMU.
 
     Parameters
     ----------
     model : SensorErrorModel
         Of the IMU.
+    constraints : sequence of str
+        Out of `CONSTRAINTS`.
 
     Returns
     -------
     SensorErrorModel
-        With `STATES` at its end; they show in measurements only.
+        With `STATES`, and `WHEEL_STATE` if asked for, at its end; they show in measurements only.
     """
     names, sd, walk = zip(*STATES, strict=True)
-    return model.with_states(names, sd, walk_density=walk)
+    with_vehicle = model.with_states(names, sd, walk_density=walk)
+    if "wheel" in constraints:
+        return with_vehicle.with_states(
+            (WHEEL_STATE,), (WHEEL_ERROR_SD,), correlation_time=WHEEL_ERROR_TIME
+        )
+    return with_vehicle
 
 
 def check_constraints(aiding: Sequence[str]) -> tuple[str, ...]:
@@ -206,7 +221,7 @@ def check_constraints(aiding: Sequence[str]) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        Another name.
+        Another name, or one that needs another.
     """
     names = (aiding,) if isinstance(aiding, str) else tuple(aiding)
     for name in names:
@@ -214,8 +229,15 @@ def check_constraints(aiding: Sequence[str]) -> tuple[str, ...]:
             raise InputError(
                 f"aiding '{name}' is not known",
                 expected=" or ".join(CONSTRAINTS),
-                cure="nhc: a wheeled vehicle; zupt: anything that stands now and then",
+                cure="nhc: a wheeled vehicle; zupt: anything that stands now and then; wheel: "
+                "wheels that the IMU feels",
             )
+    if "wheel" in names and "nhc" not in names:
+        raise InputError(
+            "aiding 'wheel' without 'nhc'",
+            expected="both: the forward axis of the vehicle has to be known",
+            cure="add nhc",
+        )
     return tuple(name for name in CONSTRAINTS if name in names)
 
 
