@@ -331,12 +331,7 @@ def run_engine(
             closing=stop == n,
         )
         if bad >= 0:
-            raise NavigationError(
-                f"the navigation state stopped being finite at {imu.time[first + bad]:.3f} s",
-                expected="a bounded trajectory",
-                cure="check units and axes of the IMU and the noise model",
-                where=imu.name,
-            )
+            raise diverged(imu, first + bad)
     count = stepper.nodes_made
     checkpoints = None
     if kept:
@@ -352,6 +347,29 @@ def run_engine(
         nodes=NodeOutputs(**{f: a[:count] for f, a in rows.items()}),
         log_likelihood=stepper.log_likelihood,
         checkpoints=checkpoints,
+    )
+
+
+def diverged(imu: ImuRecording, sample: int) -> NavigationError:
+    """Return what to raise where the state of a filter stopped being finite.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The run.
+    sample : int
+        The first one with a state that is not finite.
+
+    Returns
+    -------
+    NavigationError
+        With its time and the cure.
+    """
+    return NavigationError(
+        f"the navigation state stopped being finite at {imu.time[sample]:.3f} s",
+        expected="a bounded trajectory",
+        cure="check units and axes of the IMU and the noise model",
+        where=imu.name,
     )
 
 

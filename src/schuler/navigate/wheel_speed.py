@@ -14,16 +14,27 @@ Everything looks at the past only.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.navigate.aiding import VEHICLE_VELOCITY, AidingSchedule, merge_schedules
-from schuler.navigate.engine import FilterRun, InitialState, VehicleStates, run_engine
+from schuler.navigate.engine import diverged
+from schuler.navigate.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigate.sensor_states import SensorErrorModel
+from schuler.navigate.stepping import (
+    NO_SCALE,
+    FilterStepper,
+    InitialState,
+    VehicleStates,
+    aiding_arrays,
+    measurement_arrays,
+    node_arrays,
+    sample_arrays,
+)
 from schuler.navigate.vehicle import WHEEL_STATE
 from schuler.navigate.wheel_lines import (
     BLOCK_SECONDS,
@@ -54,6 +65,8 @@ LARGEST_SD = 1.0
 # what tyres and roads do to a single speed (m/s), and how far off the middle a wheel may be (m)
 ROLLING_SD = 0.03
 WHEEL_ASIDE = 0.4
+# a speed found at a sample is used just after it (s)
+JUST_AFTER = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +152,6 @@ def find_wheel_speeds(
     *,
     gate: FloatArray,
     white_scale: FloatArray | None = None,
-    progress: Callable[[str], None] | None = None,
 ) -> WheelSpeeds:
     """Run the filter block by block, and let the vibration of each speak before the next.
 
@@ -147,8 +159,6 @@ def find_wheel_speeds(
     ----------
     imu, initial, model, schedule, vehicle, gate, white_scale
         As for `run_engine`; the schedule without wheel speeds.
-    progress : callable or None
-        Called with a line of text now and then.
 
     Returns
     -------
@@ -158,21 +168,18 @@ def find_wheel_speeds(
     channels = np.concatenate([imu.accel, imu.gyro], axis=1)
     step = max(round(BLOCK_INTERVAL * imu.rate), 2)
     length = round(BLOCK_SECONDS / BLOCK_INTERVAL) * step
+    ends = np.arange(step, imu.size, step)
+    pieces = _pieces(imu, initial, model, schedule, vehicle, ends, gate, white_scale)
     memory = WheelMemory(channels.shape[1])
     found: list[tuple[float, float, float]] = []
     pool: list[_Evidence] = []
     path = np.empty(0)
-    news: WheelSpeeds | None = None
-    for first in range(0, imu.size - step, step):
-        last = first + step
-        run = _run_piece(
-            imu, initial, model, schedule, vehicle, first, last, news, gate, white_scale
-        )
-        initial, news = run.final, None
-        speed = np.linalg.norm(run.samples.velocity, axis=1)
-        # one smooth profile: a correction shifts what came before it
-        path = np.concatenate([path[:-1] + (speed[0] - path[-1]) if path.size else path, speed])
-        path = path[-length:]
+    for last, piece in zip(ends.tolist(), pieces, strict=True):
+        speed = np.linalg.norm(piece.velocity, axis=1)
+        # one smooth profile: what was told at the end of the last piece shifts what came before
+        if piece.told:
+            path = path + (speed[0] - 2.0 * path[-1] + path[-2])
+        path = np.concatenate([path, speed])[-length:]
         stretch = slice(last + 1 - length, last + 1)
         if path.size < length or imu.time[last] - imu.time[stretch.start] > 1.1 * BLOCK_SECONDS:
             pool = []
@@ -180,63 +187,92 @@ def find_wheel_speeds(
         if path.min() < SLOWEST:
             continue
         block = vibration_block(imu.time[stretch], channels[stretch], path)
-        prior = _error_of_speed(initial, model, imu, stretch.stop)
+        prior = _error_of_speed(piece.state, model, imu, stretch.stop)
         if memory.order is not None:
             pool = [e for e in pool if imu.time[last] - e.end < POOL_SECONDS]
             told = _weigh(memory, block, float(imu.time[last]), prior, pool)
             if told is not None:
-                turning = float(np.abs(imu.gyro[stretch].mean(axis=0) @ initial.rotation[2]))
+                turning = float(np.abs(imu.gyro[stretch].mean(axis=0) @ piece.state.rotation[2]))
                 own = ROLLING_SD**2 + (WHEEL_ASIDE * turning) ** 2
                 sd = float(np.sqrt(told[1] + own))
                 if sd < LARGEST_SD:
                     pool = []
-                    found.append((float(imu.time[last]), float(path[-1]) + told[0], sd))
-                    news = _speeds(found[-1:], memory.order)
+                    piece.tell(float(path[-1]) + told[0], sd)
+                    found.append((piece.end, float(path[-1]) + told[0], sd))
         if np.sqrt(prior[0, 0]) < KNOWN_SPEED_SD:
             memory.learn(block)
-        if progress is not None and first % (50 * step) == 0:
-            progress(f"listening to the wheels: {imu.time[last] - imu.time[0]:.0f} s")
-    return _speeds(found, memory.order)
+    table = np.array(found).reshape(-1, 3)
+    return WheelSpeeds(table[:, 0].copy(), table[:, 1].copy(), table[:, 2].copy(), memory.order)
 
 
-def _run_piece(
+@dataclass(frozen=True, slots=True, eq=False)
+class _Piece:
+    """The filter at the end of a stretch of samples.
+
+    `velocity` (n, 3) at its samples, `told`: whether something was told at its beginning, `state`
+    at its end, at the time `end`; `tell` gives the filter a speed and its standard deviation
+    there.
+    """
+
+    velocity: FloatArray
+    told: bool
+    state: InitialState
+    end: float
+    tell: Callable[[float, float], None]
+
+
+def _pieces(
     imu: ImuRecording,
     initial: InitialState,
     model: SensorErrorModel,
     schedule: AidingSchedule,
     vehicle: VehicleStates,
-    first: int,
-    last: int,
-    news: WheelSpeeds | None,
+    ends: NDArray[np.int64],
     gate: FloatArray,
     white_scale: FloatArray | None,
-) -> FilterRun:
-    """From sample `first`, where `news` are used, to sample `last`."""
-    begin, end = imu.time[first], imu.time[last]
-    # what is due at the first sample was used by the piece before
-    after = begin if first == 0 else np.nextafter(begin, np.inf)
-    part = merge_schedules([schedule], float(after), float(end))
-    if news is not None:
-        part = merge_schedules([news.rows(model), part], float(begin), float(end))
-    piece = slice(first, last + 1)
-    cut = replace(
-        imu,
-        time=imu.time[piece],
-        gyro=imu.gyro[piece],
-        accel=imu.accel[piece],
-        temperature=None,
-    )
-    return run_engine(
-        cut,
-        initial,
-        model,
-        part,
-        gate=gate,
-        white_scale=None if white_scale is None else white_scale[piece],
-        vehicle=vehicle,
-        keep_nodes=False,
-        node_interval=1e9,
-    )
+) -> Iterator[_Piece]:
+    """Run the filter up to each of the samples `ends`; speeds told there are used from there on.
+
+    Rows for all speeds that may come are in the schedule from the beginning, of infinite variance.
+    """
+    due = imu.time[ends] + JUST_AFTER
+    blank = WheelSpeeds(due, np.zeros(ends.size), np.full(ends.size, np.inf), None)
+    whole = merge_schedules([schedule, blank.rows(model)], float(imu.time[0]), float(due[-1]))
+    wheel = (whole.kind == VEHICLE_VELOCITY) & ~np.isfinite(whole.variance).any(axis=1)
+    rows = np.flatnonzero(wheel & np.isin(whole.time, due))
+    stepper = FilterStepper(initial, model, gate=gate, vehicle=vehicle, node_interval=1e9)
+    measurements = measurement_arrays(whole, model.size)
+    aiding = AidingOutputs.empty(whole.size, 0, stepper.size)
+    nodes = NodeOutputs.empty(whole.size + 3, 0, stepper.size, stepper.width)
+    scale = NO_SCALE if white_scale is None else np.ascontiguousarray(white_scale)
+    first, told = 0, False
+    for last, row in zip(ends, rows, strict=True):
+        own = slice(first, int(last) + 1)
+        samples = SampleOutputs.empty(own.stop - own.start)
+        bad = stepper.advance(
+            imu.time[own],
+            imu.gyro[own],
+            imu.accel[own],
+            scale[own] if scale.size else scale,
+            measurements,
+            sample_arrays(samples),
+            aiding_arrays(aiding),
+            node_arrays(nodes),
+            closing=False,
+        )
+        if bad >= 0:
+            raise diverged(imu, first + bad)
+        first, position = own.stop, stepper.views()
+
+        def tell(speed: float, sd: float, row: int = int(row)) -> None:
+            nonlocal told
+            told = True
+            whole.value[row, 0], whole.variance[row, 0] = speed, sd**2
+
+        before, told = told, False
+        yield _Piece(
+            samples.velocity, before, InitialState(*position), float(whole.time[row]), tell
+        )
 
 
 def _error_of_speed(
@@ -300,10 +336,3 @@ def _moments(logarithm: FloatArray, shifts: FloatArray) -> tuple[float, float]:
     weight /= weight.sum()
     mean = float(weight @ shifts)
     return mean, float(weight @ (shifts - mean) ** 2)
-
-
-def _speeds(found: list[tuple[float, float, float]], order: float | None) -> WheelSpeeds:
-    table = np.array(found).reshape(-1, 3)
-    return WheelSpeeds(
-        time=table[:, 0].copy(), speed=table[:, 1].copy(), sd=table[:, 2].copy(), order=order
-    )
