@@ -1,0 +1,164 @@
+"""Least squares of redundant axes with constant weights (spec 6.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.errors import InputError
+from schuler.fuse.geometry import check_rank
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeastSquares:
+    """How M axes become one vector.
+
+    Parameters
+    ----------
+    axes : (M, 3) ndarray
+        A.
+    pi : (3, M) ndarray
+        (A' P A)^-1 A' P with P the inverse of the covariance of the measurements: a left inverse
+        of A, not a projector (E-002-2).
+    covariance : (3, 3) ndarray
+        (A' P A)^-1, of the fused vector.
+    """
+
+    axes: FloatArray
+    pi: FloatArray
+    covariance: FloatArray
+
+    @property
+    def residual(self) -> FloatArray:
+        """I - A pi, (M, M): takes measurements to least-squares residuals."""
+        return np.eye(self.axes.shape[0]) - self.axes @ self.pi
+
+
+def least_squares(axes: ArrayLike, covariance: ArrayLike | None = None) -> LeastSquares:
+    """Return the least squares of redundant axes.
+
+    Parameters
+    ----------
+    axes : (M, 3) array_like
+        Unit rows A.
+    covariance : (M,) or (M, M) array_like, optional
+        Of the measurements: variances, or all of it. Ones if not given.
+
+    Returns
+    -------
+    LeastSquares
+        By Cholesky and QR; no inverse of the covariance is formed. Source: S002 (7), spec 6.2.
+
+    Raises
+    ------
+    InputError
+        Axes that leave a direction unmeasured, or a covariance that is not positive definite.
+    """
+    a = np.asarray(axes, dtype=np.float64)
+    check_rank(a)
+    count = a.shape[0]
+    c = np.ones(count) if covariance is None else np.asarray(covariance, dtype=np.float64)
+    if c.shape not in ((count,), (count, count)):
+        raise InputError(
+            f"a covariance of shape {c.shape} for {count} axes",
+            expected=f"({count},) or ({count}, {count})",
+        )
+    if c.ndim == 1:
+        if not (np.isfinite(c).all() and c.min() > 0.0):
+            raise InputError("variances that are not positive", expected="finite, above zero")
+        # scaled by the median so that no unit is extreme
+        root = np.sqrt(c)
+        whitened, unwhiten = a / root[:, None], np.diag(1.0 / root)
+    else:
+        try:
+            lower = np.linalg.cholesky(c)
+        except np.linalg.LinAlgError:
+            lower = np.full_like(c, np.nan)
+        if not np.isfinite(lower).all() or np.linalg.cond(c) > 1e13:
+            raise InputError(
+                "a covariance of the measurements that is singular or not positive definite",
+                expected="independent noise on every axis, at least a little",
+                cure="leave out a sensor that is a copy of others",
+            )
+        from scipy.linalg import solve_triangular
+
+        whitened = solve_triangular(lower, a, lower=True)
+        unwhiten = solve_triangular(lower, np.eye(count), lower=True)
+    q, r = np.linalg.qr(whitened)
+    pi = np.linalg.solve(r, q.T @ unwhiten)
+    inverse = np.linalg.inv(r)
+    return LeastSquares(a, pi, inverse @ inverse.T)
+
+
+def fuse_constant(
+    measurements: FloatArray, axes: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+    """Fuse all samples with one covariance; where axes are missing, those that are there.
+
+    Parameters
+    ----------
+    measurements : (n, M) ndarray
+        NaN where missing.
+    axes : (M, 3) ndarray
+        A.
+    covariance : (M,) or (M, M) ndarray
+        Of the measurements.
+
+    Returns
+    -------
+    fused : (n, 3) ndarray
+        NaN where the axes that are there leave a direction unmeasured.
+    covariances : (p, 3, 3) ndarray
+        Of the fused vector for each set of axes that occurs; NaN for a set that is not enough.
+    which : (n,) ndarray of int
+        The set of each sample.
+
+    Raises
+    ------
+    InputError
+        As `least_squares`.
+    """
+    whole = least_squares(axes, covariance)
+    fused = measurements @ whole.pi.T
+    which = np.zeros(measurements.shape[0], dtype=np.int64)
+    covariances = [whole.covariance]
+    rows = np.flatnonzero(np.isnan(fused[:, 0] + fused[:, 1] + fused[:, 2]))
+    if rows.size:
+        there = np.isfinite(measurements[rows])
+        sets, index = np.unique(there, axis=0, return_inverse=True)
+        for s, use in enumerate(sets):
+            mine = rows[index.ravel() == s]
+            which[mine] = len(covariances)
+            part = covariance[use] if covariance.ndim == 1 else covariance[np.ix_(use, use)]
+            try:
+                fit = least_squares(axes[use], part)
+            except InputError:
+                fused[mine] = np.nan
+                covariances.append(np.full((3, 3), np.nan))
+                continue
+            fused[mine] = measurements[np.ix_(mine, use)] @ fit.pi.T
+            covariances.append(fit.covariance)
+    return fused, np.stack(covariances), which
+
+
+def residuals(measurements: FloatArray, axes: FloatArray) -> FloatArray:
+    """Return residuals against the least squares with equal weights.
+
+    Parameters
+    ----------
+    measurements : (n, M) ndarray
+        NaN where missing.
+    axes : (M, 3) ndarray
+        A.
+
+    Returns
+    -------
+    (n, M) ndarray
+        NaN where missing, or where the axes that are there are not enough.
+    """
+    fused, _, _ = fuse_constant(measurements, axes, np.ones(axes.shape[0]))
+    return measurements - fused @ axes.T

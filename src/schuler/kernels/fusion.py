@@ -1,0 +1,322 @@
+"""Weighted least squares of redundant axes: the plan, one sample, and its test statistics.
+
+Spec 6.2, 6.4, 6.5 for a diagonal covariance: x = (A'PA)^-1 A'P y, residual f = y - A x, variance
+of a residual q = s - h (A'PA)^-1 h', D = sum f²/s, one faulty axis F = f²/q, one faulty unit
+F = f_T' Q_TT^-1 f_T.
+
+A plan is the tuple of arrays that `make_plan` makes and `arrange` fills: the axes in use are put
+close together, so that a sample costs no look-up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.kernels.compile import kernel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Plan = tuple[
+    IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
+]
+
+
+@kernel()
+def make_plan(total: int, units: int) -> Plan:
+    """Return the room that `arrange` fills.
+
+    Parameters
+    ----------
+    total, units : int
+        Number of axes M and of units.
+
+    Returns
+    -------
+    active : (M,) ndarray of int
+        The axes in use, in order.
+    bounds : (units + 1,) ndarray of int
+        Where each unit begins among the axes in use.
+    h, pi : (3, M) ndarray
+        Columns of A' and of (A'PA)^-1 A'P of the axes in use.
+    weight, testing : (M,) ndarray
+        1/s, and 1/q, zero where the residual is always zero.
+    inverse : (3, 3) ndarray
+        Covariance of the fused vector.
+    unit_testing : (units, 3, 3) ndarray
+        Q_TT^-1, zero where a unit cannot be tested.
+    """
+    return (
+        np.zeros(total, np.int64),
+        np.zeros(units + 1, np.int64),
+        np.zeros((3, total)),
+        np.zeros((3, total)),
+        np.zeros(total),
+        np.zeros(total),
+        np.zeros((3, 3)),
+        np.zeros((units, 3, 3)),
+    )
+
+
+@kernel()
+def invert_symmetric(matrix: FloatArray, inverse: FloatArray) -> float:
+    """Invert a symmetric 3 x 3 matrix; return its determinant over that of its diagonal.
+
+    Parameters
+    ----------
+    matrix : (3, 3) ndarray
+        Positive semidefinite; its upper triangle is read.
+    inverse : (3, 3) ndarray
+        Filled in place; left alone when the determinant is not positive.
+
+    Returns
+    -------
+    float
+        Between 0 (singular) and 1 (orthogonal).
+    """
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
+    m00, m01, m02 = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * m00 + b * m01 + c * m02
+    scale = a * d * f
+    if not determinant > 0.0 or not scale > 0.0:
+        return 0.0
+    g = 1.0 / determinant
+    inverse[0, 0] = m00 * g
+    inverse[0, 1] = inverse[1, 0] = m01 * g
+    inverse[0, 2] = inverse[2, 0] = m02 * g
+    inverse[1, 1] = (a * f - c * c) * g
+    inverse[1, 2] = inverse[2, 1] = (b * c - a * e) * g
+    inverse[2, 2] = (a * d - b * b) * g
+    return float(determinant / scale)
+
+
+@kernel()
+def arrange(
+    axes: FloatArray, unit: IntArray, variance: FloatArray, use: BoolArray, plan: Plan
+) -> int:
+    """Fill the plan for the axes in use.
+
+    Parameters
+    ----------
+    axes : (M, 3) ndarray
+        Unit rows h of all axes.
+    unit : (M,) ndarray of int
+        Unit of each, not decreasing.
+    variance : (M,) ndarray
+        s of a sample.
+    use : (M,) ndarray of bool
+        Which to use.
+    plan : tuple
+        From `make_plan`.
+
+    Returns
+    -------
+    int
+        Number of axes in use; -1 when they leave a direction unmeasured.
+    """
+    active, bounds, h, pi, weight, testing, inverse, unit_testing = plan
+    units = bounds.size - 1
+    count, filled = 0, 0
+    normal = np.zeros((3, 3))
+    for m in range(use.size):
+        while filled < unit[m]:
+            filled += 1
+            bounds[filled] = count
+        if not use[m]:
+            continue
+        active[count] = m
+        w = 1.0 / variance[m]
+        weight[count] = w
+        for i in range(3):
+            h[i, count] = axes[m, i]
+            for j in range(i, 3):
+                normal[i, j] += w * axes[m, i] * axes[m, j]
+        count += 1
+    while filled < units:
+        filled += 1
+        bounds[filled] = count
+    if count < 3 or not invert_symmetric(normal, inverse) > 1e-9:
+        return -1
+    for a in range(count):
+        x, y, z, w = h[0, a], h[1, a], h[2, a], weight[a]
+        p = inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z
+        q = inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2] * z
+        r = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2] * z
+        pi[0, a], pi[1, a], pi[2, a] = p * w, q * w, r * w
+        left = 1.0 / w - (x * p + y * q + z * r)
+        testing[a] = 1.0 / left if left * w > 1e-9 else 0.0
+    for u in range(units):
+        _arrange_unit(bounds[u], bounds[u + 1] - bounds[u], h, pi, weight, unit_testing[u])
+    return count
+
+
+@kernel()
+def _arrange_unit(
+    first: int, size: int, h: FloatArray, pi: FloatArray, weight: FloatArray, testing: FloatArray
+) -> None:
+    """Fill Q_TT^-1 of a unit of one to three axes; zero when it cannot be tested."""
+    testing[:, :] = 0.0
+    if size < 1 or size > 3:
+        return
+    block = np.eye(3)
+    share = 1.0
+    for i in range(size):
+        for j in range(size):
+            a, b = first + i, first + j
+            cross = h[0, a] * pi[0, b] + h[1, a] * pi[1, b] + h[2, a] * pi[2, b]
+            block[i, j] = ((1.0 if i == j else 0.0) - cross) / weight[b]
+        share *= block[i, i] * weight[first + i]
+    if not share > 1e-9 or not invert_symmetric(block, testing) > 1e-9:
+        testing[:, :] = 0.0
+    for i in range(size, 3):
+        testing[i, i] = 0.0
+
+
+@kernel(reduction=True, inline=True)
+def fuse_sample(
+    y: FloatArray, h: FloatArray, pi: FloatArray, count: int, f: FloatArray
+) -> tuple[float, float, float]:
+    """Fuse one sample and find its residuals.
+
+    Parameters
+    ----------
+    y : (M,) ndarray
+        Measurements of the axes in use.
+    h, pi : (3, M) ndarray
+        From the plan.
+    count : int
+        Axes in use.
+    f : (M,) ndarray
+        Filled with the residuals.
+
+    Returns
+    -------
+    tuple of float
+        The fused vector.
+    """
+    x0 = x1 = x2 = 0.0
+    for a in range(count):
+        x0 += pi[0, a] * y[a]
+        x1 += pi[1, a] * y[a]
+        x2 += pi[2, a] * y[a]
+    for a in range(count):
+        f[a] = y[a] - (h[0, a] * x0 + h[1, a] * x1 + h[2, a] * x2)
+    return x0, x1, x2
+
+
+@kernel(reduction=True, inline=True)
+def weighted_squares(f: FloatArray, weight: FloatArray, count: int) -> float:
+    """Return the chi-square statistic of one sample.
+
+    Parameters
+    ----------
+    f, weight : (M,) ndarray
+        Residuals and 1/s.
+    count : int
+        Axes in use.
+
+    Returns
+    -------
+    float
+        D = sum f²/s, chi-square with count - 3 degrees of freedom (spec 6.4).
+    """
+    total = 0.0
+    for a in range(count):
+        total += f[a] * f[a] * weight[a]
+    return total
+
+
+@kernel(inline=True)
+def axis_statistics(
+    f: FloatArray, testing: FloatArray, count: int, ratio: FloatArray
+) -> tuple[float, int]:
+    """Find the likelihood statistics of a fault of one axis.
+
+    Parameters
+    ----------
+    f, testing : (M,) ndarray
+        Residuals and 1/q.
+    count : int
+        Axes in use.
+    ratio : (M,) ndarray
+        Filled with F = f²/q, each chi-square with one degree of freedom (spec 6.5).
+
+    Returns
+    -------
+    tuple
+        The largest F, and its place.
+    """
+    best = -1.0
+    for a in range(count):
+        ratio[a] = f[a] * f[a] * testing[a]
+    for a in range(count):
+        best = max(best, ratio[a])
+    where = 0
+    while where < count - 1 and ratio[where] != best:
+        where += 1
+    return best, where
+
+
+@kernel(inline=True)
+def unit_statistic(f: FloatArray, first: int, size: int, unit_testing: FloatArray, u: int) -> float:
+    """Return the likelihood statistic of a fault of one unit.
+
+    Parameters
+    ----------
+    f : (M,) ndarray
+        Residuals of the axes in use.
+    first, size : int
+        Where the unit's axes are: one, two or three.
+    unit_testing : (units, 3, 3) ndarray
+        Q_TT^-1 of all units.
+    u : int
+        Which unit.
+
+    Returns
+    -------
+    float
+        f_T' Q_TT^-1 f_T, chi-square with `size` degrees of freedom (spec 6.5).
+    """
+    if size == 3:
+        x, y, z = f[first], f[first + 1], f[first + 2]
+        return float(
+            x * (unit_testing[u, 0, 0] * x)
+            + 2.0 * x * (unit_testing[u, 0, 1] * y + unit_testing[u, 0, 2] * z)
+            + y * (unit_testing[u, 1, 1] * y + 2.0 * unit_testing[u, 1, 2] * z)
+            + z * z * unit_testing[u, 2, 2]
+        )
+    if size == 1:
+        return float(f[first] * f[first] * unit_testing[u, 0, 0])
+    x, y = f[first], f[first + 1]
+    return float(
+        x * (unit_testing[u, 0, 0] * x + 2.0 * unit_testing[u, 0, 1] * y)
+        + y * y * unit_testing[u, 1, 1]
+    )
+
+
+@kernel(inline=True)
+def worst_unit(f: FloatArray, bounds: IntArray, unit_testing: FloatArray) -> tuple[float, int]:
+    """Find the unit whose fault would explain the residuals best.
+
+    Parameters
+    ----------
+    f : (M,) ndarray
+        Residuals of the axes in use.
+    bounds, unit_testing
+        From the plan.
+
+    Returns
+    -------
+    tuple
+        Its F and its number; -1, -1 when there is none.
+    """
+    best, which = -1.0, -1
+    for u in range(bounds.size - 1):
+        size = bounds[u + 1] - bounds[u]
+        if 0 < size < 4:
+            value = unit_statistic(f, bounds[u], size, unit_testing, u)
+            if value > best:
+                best, which = value, u
+    return best, which

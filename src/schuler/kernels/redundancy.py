@@ -1,0 +1,569 @@
+"""Redundant axes followed on line: variances, bias differences, fused vector, faults.
+
+Time goes in blocks of some samples. Within a block the weights stand still; at its end variances,
+bias differences and smoothed residuals are brought up to date, axes and units that fail their test
+are taken out, and those that behave again come back. Whatever a block uses comes from the blocks
+before it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.kernels.compile import kernel
+from schuler.kernels.fusion import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Plan,
+    arrange,
+    axis_statistics,
+    fuse_sample,
+    make_plan,
+    weighted_squares,
+    worst_unit,
+)
+from schuler.kernels.parity import let_in, smooth, take_out
+
+
+@kernel()
+def working_variances(
+    variance: FloatArray, use: BoolArray, level: float, scatter: float, working: FloatArray
+) -> None:
+    """Draw variances together as far as their scatter is no more than that of estimation.
+
+    Parameters
+    ----------
+    variance : (M,) ndarray
+        Estimated s.
+    use : (M,) ndarray of bool
+        Axes in use; the others keep their s.
+    level : float
+        Smallest variance allowed.
+    scatter : float
+        Variance of ln s that estimation alone makes; zero: s is taken as it is.
+    working : (M,) ndarray
+        Filled in place: ln s pulled to its mean by the share that chance explains (James-Stein).
+    """
+    mean = square = 0.0
+    count = 0
+    for m in range(variance.size):
+        working[m] = max(variance[m], level)
+    if scatter <= 0.0:
+        return
+    for m in range(variance.size):
+        if use[m]:
+            value = np.log(working[m])
+            mean += value
+            square += value * value
+            count += 1
+    if count < 4:
+        return
+    mean /= count
+    spread = square / count - mean * mean
+    # three of `count` degrees of freedom go into the mean and the comparison
+    chance = scatter * (count - 3.0) / count
+    keep = 1.0 - chance / spread if spread > chance else 0.0
+    for m in range(variance.size):
+        if use[m]:
+            working[m] = np.exp(mean + keep * (np.log(working[m]) - mean))
+
+
+@kernel()
+def median_of(values: FloatArray, use: BoolArray, work: FloatArray) -> float:
+    """Return the median of the values in use.
+
+    Parameters
+    ----------
+    values : (M,) ndarray
+        Numbers.
+    use : (M,) ndarray of bool
+        Which.
+    work : (M,) ndarray
+        Work space.
+
+    Returns
+    -------
+    float
+        Zero when none is in use.
+    """
+    count = 0
+    for m in range(values.size):
+        if use[m]:
+            place = count
+            while place > 0 and work[place - 1] > values[m]:
+                work[place] = work[place - 1]
+                place -= 1
+            work[place] = values[m]
+            count += 1
+    return float(work[count // 2]) if count else 0.0
+
+
+@kernel(inline=True)
+def load_sample(
+    measurements: FloatArray,
+    t: int,
+    arm_tensor: FloatArray,
+    arm: FloatArray,
+    bias: FloatArray,
+    active: IntArray,
+    count: int,
+    y: FloatArray,
+) -> None:
+    """Take one sample of the axes in use, less bias differences and what rotation adds.
+
+    Parameters
+    ----------
+    measurements, arm_tensor, arm
+        As in `follow`.
+    t : int
+        The sample.
+    bias : (M,) ndarray
+        Bias differences.
+    active, count
+        From the plan.
+    y : (M,) ndarray
+        Filled in place.
+    """
+    # the look-up is cheaper than a second loop for the case that all axes are in use
+    for a in range(count):
+        m = active[a]
+        y[a] = measurements[t, m] - bias[m]
+    if arm_tensor.shape[0] > 0:
+        for c in range(9):
+            value = arm_tensor[t, c]
+            for a in range(count):
+                y[a] -= value * arm[c, active[a]]
+
+
+@kernel(inline=True)
+def tally(
+    f: FloatArray,
+    ratio: FloatArray,
+    best: float,
+    clip: float,
+    count: int,
+    sums: FloatArray,
+    squares: FloatArray,
+) -> None:
+    """Add residuals and their ratios to the sums of the block, outliers with what is usual.
+
+    Parameters
+    ----------
+    f, ratio : (M,) ndarray
+        Residuals, and f²/q.
+    best : float
+        The largest ratio.
+    clip : float
+        Ratio at which an outlier counts.
+    count : int
+        Axes in use.
+    sums, squares : (M,) ndarray
+        Brought up to date.
+    """
+    if best <= clip:
+        for a in range(count):
+            sums[a] += f[a]
+            squares[a] += ratio[a]
+        return
+    for a in range(count):
+        limit = np.sqrt(clip / ratio[a]) if ratio[a] > clip else 1.0
+        sums[a] += limit * f[a]
+        squares[a] += min(ratio[a], clip)
+
+
+@kernel()
+def follow_biases(
+    means: FloatArray,
+    worst: FloatArray,
+    gain: float,
+    axes: FloatArray,
+    plan: Plan,
+    count: int,
+    bias: FloatArray,
+) -> None:
+    """Let bias differences follow the mean residuals, in the gauge of the mean of the axes.
+
+    Parameters
+    ----------
+    means : (M,) ndarray
+        Mean residuals of the block.
+    worst : (M,) ndarray
+        Largest F over its threshold; an axis that is suspect is left alone.
+    gain : float
+        Share of a block.
+    axes : (M, 3) ndarray
+        All axes.
+    plan, count
+        Of the axes in use with equal weights.
+    bias : (M,) ndarray
+        Brought up to date.
+    """
+    active, _, _, pi, _, _, _, _ = plan
+    x0 = x1 = x2 = 0.0
+    for a in range(count):
+        m = active[a]
+        if worst[m] < 0.25:
+            x0 += pi[0, a] * means[m]
+            x1 += pi[1, a] * means[m]
+            x2 += pi[2, a] * means[m]
+    for a in range(count):
+        m = active[a]
+        if worst[m] < 0.25:
+            bias[m] += gain * (means[m] - axes[m, 0] * x0 - axes[m, 1] * x1 - axes[m, 2] * x2)
+
+
+@kernel()
+def out_of_use(
+    measurements: FloatArray,
+    arm_tensor: FloatArray,
+    arm: FloatArray,
+    start: int,
+    stop: int,
+    m: int,
+    axis: FloatArray,
+    bias: float,
+    fused: FloatArray,
+) -> float:
+    """Return by how much an axis that is out differs from what the others say, mean of a block.
+
+    Parameters
+    ----------
+    measurements, arm_tensor, arm, fused
+        As in `follow`.
+    start, stop : int
+        Samples of the block.
+    m : int
+        The axis.
+    axis : (3,) ndarray
+        Its direction.
+    bias : float
+        Its bias difference.
+
+    Returns
+    -------
+    float
+        NaN when a sample is missing.
+    """
+    total = 0.0
+    for t in range(start, stop):
+        total += measurements[t, m] - bias
+        for c in range(3):
+            total -= axis[c] * fused[t, c]
+        if arm_tensor.shape[0] > 0:
+            for c in range(9):
+                total -= arm_tensor[t, c] * arm[c, m]
+    return total / (stop - start)
+
+
+@kernel()
+def follow(
+    measurements: FloatArray,
+    arm_tensor: FloatArray,
+    arm: FloatArray,
+    extra: FloatArray,
+    axes: FloatArray,
+    unit: IntArray,
+    units: int,
+    block: int,
+    given: FloatArray,
+    adaptation: float,
+    scatter: float,
+    clip: float,
+    floor: float,
+    bias_gain: float,
+    spike: float,
+    smoothing: FloatArray,
+    axis_threshold: FloatArray,
+    unit_threshold: FloatArray,
+    unit_margin: float,
+    factor_gain: float,
+    learning: int,
+    readmission: float,
+    patience: IntArray,
+    bias: FloatArray,
+    variance: FloatArray,
+    factor: FloatArray,
+    status: IntArray,
+    fused: FloatArray,
+    covariance: FloatArray,
+    variances: FloatArray,
+    usage: NDArray[np.int8],
+    freedom: NDArray[np.int16],
+    statistic: FloatArray,
+    axis_statistic: FloatArray,
+    axis_suspect: NDArray[np.int16],
+    unit_statistics: FloatArray,
+    unit_suspect: NDArray[np.int16],
+    smoothed: FloatArray,
+    events: FloatArray,
+) -> int:
+    """Fuse, weigh and watch redundant axes through a recording.
+
+    Parameters
+    ----------
+    measurements : (n, M) ndarray
+        NaN where missing.
+    arm_tensor : (n, 9) or (0, 9) ndarray
+        [dw/dt x] + [w x][w x], row by row, 1/s²; empty: no lever arms.
+    arm : (9, M) ndarray
+        h_b l_c of each axis: times the tensor, what rotation adds to it.
+    extra : (n,) or (0,) ndarray
+        Variance besides the noise, the same for all axes, that does not average out.
+    axes : (M, 3) ndarray
+        Unit rows.
+    unit : (M,) ndarray of int
+        Not decreasing from zero.
+    units : int
+        Their number.
+    block : int
+        Samples in a block.
+    given : (blocks, M) or (0, M) ndarray
+        Variances to use in each block; empty: estimated on line.
+    adaptation : float
+        Share of a block in the estimated variances.
+    scatter, floor
+        For `working_variances`; the floor is a share of the median.
+    clip : float
+        f²/q beyond which a residual counts as this much.
+    bias_gain : float
+        Share of a block in the differences of the biases; zero: they stay.
+    spike : float
+        F of one axis in one sample beyond which the sample of this axis is not used.
+    smoothing : (J,) ndarray
+        Share of a block in the smoothed residuals; empty: no faults are looked for.
+    axis_threshold, unit_threshold : (J,) ndarray
+        F beyond which an axis or a unit is taken out.
+    unit_margin : float
+        By how much the F of a unit must exceed that of its worst axis to blame the unit.
+    factor_gain : float
+        Share of a block in the calibration factors of the smoothed residuals.
+    learning : int
+        Blocks at the beginning in which nothing is taken out.
+    readmission : float
+        F of an axis taken out below which it behaves.
+    patience : (M,) ndarray of int
+        Blocks that it has to behave; doubled each time.
+    bias, variance : (M,) ndarray
+        At the beginning; brought up to date.
+    factor : (J,) ndarray
+        Calibration factors, at least one; brought up to date.
+    status : (M,) ndarray of int
+        0 in use, 1 taken out by itself, 2 with its unit; brought up to date.
+    fused : (n, 3) ndarray
+        Filled; NaN where the axes that remain leave a direction unmeasured.
+    covariance : (blocks, 6) ndarray
+        Filled: xx, xy, xz, yy, yz, zz.
+    variances : (blocks, M) ndarray
+        Filled: s as used.
+    usage : (blocks, M) ndarray
+        Filled: 0 used, 1 and 2 as status, 3 missing.
+    freedom : (blocks,) ndarray
+        Filled: degrees of freedom of D.
+    statistic, axis_statistic, unit_statistics : (n,) ndarray
+        Filled: D, largest F of an axis, largest F of a unit; NaN where some axis is missing in
+        this sample alone.
+    axis_suspect, unit_suspect : (n,) ndarray
+        Filled: which.
+    smoothed : (blocks, J) ndarray
+        Filled: largest F of an axis by smoothed residuals.
+    events : (e, 8) ndarray
+        Filled: last sample of the block, kind, axis or unit, scale, F, threshold, size of the
+        fault, other axis. Kinds: 0 axis out, 1 unit out, 2 axis back, 3 unit back, 4 inconsistent
+        but not isolated, 5 consistent again.
+
+    Returns
+    -------
+    int
+        Number of events; those beyond the space are counted only.
+    """
+    n, total = measurements.shape
+    scales = smoothing.size
+    plan, spare, gauge = make_plan(total, units), make_plan(total, units), make_plan(total, units)
+    active, bounds, h, pi, weight, testing, inverse, unit_testing = plan
+    use, spare_use, here = (
+        np.zeros(total, np.bool_),
+        np.zeros(total, np.bool_),
+        np.zeros(total, np.bool_),
+    )
+    gauged, gauge_count = np.zeros(total, np.bool_), -1
+    y, f, f_spare, ratio = np.zeros(total), np.zeros(total), np.zeros(total), np.zeros(total)
+    sums, squares = np.zeros(total), np.zeros(total)
+    means, excess, shares = np.zeros(total), np.zeros(total), np.zeros(total)
+    seen = np.zeros(total)
+    working, one, worst = variance.copy(), np.ones(total), np.zeros(total)
+    average, extra_average = np.zeros((scales, total)), np.zeros(scales)
+    noise_share, spread = smoothing / (2.0 - smoothing) / block, np.zeros(scales)
+    quiet, unresolved = np.zeros(total, np.int64), np.zeros(1, np.bool_)
+    level, number = 0.0, 0
+    with_extra, adapting = extra.size > 0, given.shape[0] == 0
+    for b in range((n + block - 1) // block):
+        start, stop = b * block, min(n, (b + 1) * block)
+        for m in range(total):
+            here[m] = measurements[start, m] == measurements[start, m]
+            use[m] = status[m] == 0 and here[m]
+            usage[b, m] = status[m] if here[m] else 3
+            means[m] = excess[m] = seen[m] = 0.0
+        if adapting:
+            if b % 16 == 0:
+                level = floor * median_of(variance, use, ratio)
+            working_variances(variance, use, level, scatter, working)
+        else:
+            working[:] = given[b]
+        variances[b] = working
+        count = arrange(axes, unit, working, use, plan)
+        freedom[b] = max(count - 3, 0)
+        if count < 0:
+            covariance[b] = np.nan
+            smoothed[b] = np.nan
+            fused[start:stop] = np.nan
+            statistic[start:stop] = axis_statistic[start:stop] = np.nan
+            unit_statistics[start:stop] = np.nan
+            axis_suspect[start:stop] = unit_suspect[start:stop] = -1
+            continue
+        covariance[b, 0], covariance[b, 1], covariance[b, 2] = inverse[0]
+        covariance[b, 3], covariance[b, 4] = inverse[1, 1], inverse[1, 2]
+        covariance[b, 5] = inverse[2, 2]
+        sums[:] = 0.0
+        squares[:] = 0.0
+        whole, mean_extra = 0, 0.0
+        for t in range(start, stop):
+            load_sample(measurements, t, arm_tensor, arm, bias, active, count, y)
+            x0, x1, x2 = fuse_sample(y, h, pi, count, f)
+            if x0 + x1 + x2 != x0 + x1 + x2:
+                # some axis is missing in this sample alone
+                statistic[t] = axis_statistic[t] = unit_statistics[t] = np.nan
+                axis_suspect[t] = unit_suspect[t] = -1
+                fused[t] = np.nan
+                for m in range(total):
+                    spare_use[m] = use[m] and measurements[t, m] == measurements[t, m]
+                left = arrange(axes, unit, working, spare_use, spare)
+                if left > 0:
+                    load_sample(measurements, t, arm_tensor, arm, bias, spare[0], left, y)
+                    fused[t] = fuse_sample(y, spare[2], spare[3], left, f)
+                    for a in range(left):
+                        m, square = spare[0][a], f[a] * f[a] * spare[5][a]
+                        limit = np.sqrt(clip / square) if square > clip else 1.0
+                        means[m] += limit * f[a]
+                        excess[m] += min(square, clip)
+                        seen[m] += 1.0
+                continue
+            fused[t, 0], fused[t, 1], fused[t, 2] = x0, x1, x2
+            statistic[t] = weighted_squares(f, weight, count)
+            best, where = axis_statistics(f, testing, count, ratio)
+            unit_statistics[t], unit_suspect[t] = worst_unit(f, bounds, unit_testing)
+            if with_extra:
+                mean_extra += extra[t]
+                statistic[t] = 0.0
+                best = -1.0
+                for a in range(count):
+                    larger = 1.0 + weight[a] * extra[t]
+                    statistic[t] += f[a] * f[a] * weight[a] / larger
+                    ratio[a] /= larger
+                    if ratio[a] > best:
+                        best, where = ratio[a], a
+                u = unit_suspect[t]
+                if u >= 0:
+                    unit_statistics[t] /= 1.0 + weight[bounds[u]] * extra[t]
+            axis_statistic[t], axis_suspect[t] = best, active[where]
+            tally(f, ratio, best, clip, count, sums, squares)
+            whole += 1
+            if best > spike:
+                for m in range(total):
+                    spare_use[m] = use[m] and m != active[where]
+                left = arrange(axes, unit, working, spare_use, spare)
+                if left > 3:
+                    for a in range(where, count - 1):
+                        y[a] = y[a + 1]
+                    fused[t] = fuse_sample(y, spare[2], spare[3], left, f_spare)
+        for a in range(count):
+            m = active[a]
+            means[m] += sums[a]
+            excess[m] += squares[a]
+            seen[m] += whole
+        mean_extra /= stop - start
+        for m in range(total):
+            if seen[m] > 0.0:
+                means[m] /= seen[m]
+                if adapting:
+                    variance[m] *= 1.0 + adaptation * (excess[m] - seen[m]) / block
+            elif status[m] != 0 and here[m]:
+                means[m] = out_of_use(
+                    measurements, arm_tensor, arm, start, stop, m, axes[m], bias[m], fused
+                )
+                seen[m] = block if means[m] == means[m] else 0
+                means[m] = means[m] if means[m] == means[m] else 0.0
+            shares[m] = min(seen[m] / block, 1.0)
+            worst[m] = 0.0
+        for j in range(scales):
+            extra_average[j] += smoothing[j] * (mean_extra - extra_average[j])
+            size = smooth(
+                means,
+                shares,
+                smoothing[j],
+                noise_share[j],
+                extra_average[j],
+                factor[j],
+                axis_threshold[j],
+                average[j],
+                worst,
+                plan,
+                count,
+            )
+            if size >= 0.0:
+                gain = factor_gain if b > learning else max(factor_gain, 1.0 / (b + 1.0))
+                factor[j] = max(factor[j] + gain * (size - factor[j]), 1.0)
+            spread[j] = noise_share[j] * factor[j]
+        if bias_gain > 0.0:
+            changed = gauge_count < 0
+            for m in range(total):
+                changed = changed or use[m] != gauged[m]
+            if changed:
+                gauged[:] = use
+                gauge_count = arrange(axes, unit, one, gauged, gauge)
+            if gauge_count > 0:
+                follow_biases(means, worst, bias_gain, axes, gauge, gauge_count, bias)
+        smoothed[b] = 0.0
+        if scales == 0 or b < learning:
+            continue
+        count, number = take_out(
+            average,
+            spread,
+            extra_average,
+            axis_threshold,
+            unit_threshold,
+            unit_margin,
+            axes,
+            unit,
+            working,
+            use,
+            status,
+            quiet,
+            plan,
+            spare,
+            count,
+            smoothed[b],
+            stop - 1,
+            unresolved,
+            events,
+            number,
+        )
+        number = let_in(
+            average,
+            spread,
+            extra_average,
+            readmission,
+            axes,
+            unit,
+            working,
+            here,
+            status,
+            quiet,
+            patience,
+            plan,
+            stop - 1,
+            events,
+            number,
+        )
+    return number
