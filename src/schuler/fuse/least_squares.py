@@ -95,7 +95,13 @@ def least_squares(axes: ArrayLike, covariance: ArrayLike | None = None) -> Least
 
 
 def fuse_constant(
-    measurements: FloatArray, axes: FloatArray, covariance: FloatArray
+    measurements: FloatArray,
+    axes: FloatArray,
+    covariance: FloatArray,
+    *,
+    bias: FloatArray | None = None,
+    tensor: FloatArray | None = None,
+    arm: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
     """Fuse all samples with one covariance; where axes are missing, those that are there.
 
@@ -107,13 +113,19 @@ def fuse_constant(
         A.
     covariance : (M,) or (M, M) ndarray
         Of the measurements.
+    bias : (M,) ndarray, optional
+        Removed from the measurements.
+    tensor : (n, 9) ndarray, optional
+        From `turning_tensor`; removed by the lever arms.
+    arm : (9, M) ndarray, optional
+        From `arm_coefficients`.
 
     Returns
     -------
     fused : (n, 3) ndarray
         NaN where the axes that are there leave a direction unmeasured.
-    covariances : (p, 3, 3) ndarray
-        Of the fused vector for each set of axes that occurs; NaN for a set that is not enough.
+    solutions : (p, 3, M) ndarray
+        pi of each set of axes that occurs; NaN for a set that is not enough.
     which : (n,) ndarray of int
         The set of each sample.
 
@@ -123,26 +135,45 @@ def fuse_constant(
         As `least_squares`.
     """
     whole = least_squares(axes, covariance)
-    fused = measurements @ whole.pi.T
+    fused = _fuse(measurements, whole.pi, bias, tensor, arm)
     which = np.zeros(measurements.shape[0], dtype=np.int64)
-    covariances = [whole.covariance]
+    solutions = [whole.pi]
     rows = np.flatnonzero(np.isnan(fused[:, 0] + fused[:, 1] + fused[:, 2]))
     if rows.size:
         there = np.isfinite(measurements[rows])
         sets, index = np.unique(there, axis=0, return_inverse=True)
         for s, use in enumerate(sets):
             mine = rows[index.ravel() == s]
-            which[mine] = len(covariances)
+            which[mine] = len(solutions)
             part = covariance[use] if covariance.ndim == 1 else covariance[np.ix_(use, use)]
+            pi = np.full((3, axes.shape[0]), np.nan)
             try:
                 fit = least_squares(axes[use], part)
             except InputError:
                 fused[mine] = np.nan
-                covariances.append(np.full((3, 3), np.nan))
-                continue
-            fused[mine] = measurements[np.ix_(mine, use)] @ fit.pi.T
-            covariances.append(fit.covariance)
-    return fused, np.stack(covariances), which
+            else:
+                pi[:] = 0.0
+                pi[:, use] = fit.pi
+                filled = np.where(use, measurements[mine], 0.0)
+                fused[mine] = _fuse(filled, pi, bias, None if tensor is None else tensor[mine], arm)
+            solutions.append(pi)
+    return fused, np.stack(solutions), which
+
+
+def _fuse(
+    measurements: FloatArray,
+    pi: FloatArray,
+    bias: FloatArray | None,
+    tensor: FloatArray | None,
+    arm: FloatArray | None,
+) -> FloatArray:
+    fused = measurements @ pi.T
+    if bias is not None:
+        fused -= pi @ bias
+    if tensor is not None and arm is not None:
+        # the arm of the fused sensor: nothing when it is the mean and the origin is the centre
+        fused -= tensor @ (arm @ pi.T)
+    return fused
 
 
 def residuals(measurements: FloatArray, axes: FloatArray) -> FloatArray:

@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 
 EVENTS = 10_000
 """Lines of the log of one kind of sensor that are kept."""
+RECALL = 2.0
+"""What was taken out this many seconds before most sensors contradict one another comes back."""
 MEDIAN_TO_DEVIATION = 1.4826
 
 
@@ -201,11 +203,16 @@ def start_values(sensors: RedundantSensors, samples: int) -> AxisNoise:
     EstimationError
         No sample in which enough axes are there, or residuals that are all zero.
     """
-    x = residuals(sensors.measurements[:samples], sensors.axes)
-    whole = np.isfinite(x).any(axis=1)
-    if np.count_nonzero(whole) < 10:
+    values = sensors.measurements[:samples]
+    whole = np.isfinite(values).all(axis=1)
+    if np.count_nonzero(whole) >= 100:
+        # rows with gaps compare with the mean of other sensors: they would mix the biases
+        values = values[whole]
+    x = residuals(values, sensors.axes)
+    if np.count_nonzero(np.isfinite(x).any(axis=1)) < 10:
         raise EstimationError(
-            f"{np.count_nonzero(whole)} of the first {samples} samples have enough axes",
+            f"{np.count_nonzero(np.isfinite(x).any(axis=1))} of the first {samples} samples have "
+            "enough axes",
             expected="at least 10 to start from",
             cure="learn for longer, or cut the beginning",
         )
@@ -345,6 +352,7 @@ def follow_sensors(
         0.0 if watch is None else float(1.0 - np.exp(-seconds / watch.factor_time_constant)),
         learning,
         np.inf if watch is None else watch.readmission,
+        round(RECALL / seconds),
         np.full(count, patience, dtype=np.int64),
         bias,
         begin.variance.astype(np.float64).copy(),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import ImuArray
 from schuler.errors import EstimationError, InputError
+from schuler.fuse.least_squares import residuals
 from schuler.fuse.redundant import Sensor, redundant_sensors
 
 FloatArray = NDArray[np.float64]
@@ -174,6 +175,42 @@ def window_volatility(
     return AveragedVolatility(
         stamps, np.maximum(variance, 0.0), error, half_window, causal, divisor
     )
+
+
+def residual_volatility(
+    measurements: FloatArray, axes: FloatArray, half_window: int
+) -> AveragedVolatility:
+    """Return the causal averaged volatility of axes in any directions.
+
+    Parameters
+    ----------
+    measurements : (n, M) ndarray
+        NaN where missing.
+    axes : (M, 3) ndarray
+        A.
+    half_window : int
+        T; the window t-2T .. t.
+
+    Returns
+    -------
+    AveragedVolatility
+        Sum of squared residuals over their degrees of freedom, M - 3 a sample, less the window's
+        mean of every axis.
+    """
+    x = residuals(measurements, axes)
+    there = np.isfinite(x)
+    x = np.where(there, x, 0.0)
+    freedom = np.maximum(there.sum(axis=1) - 3.0, 0.0)
+    total = _window_sum((x**2).sum(axis=1), half_window, True)
+    sums = _window_sum(x, half_window, True)
+    number = _window_sum(there.astype(np.float64), half_window, True)
+    total -= (sums**2 / np.maximum(number, 1.0)).sum(axis=1)
+    degrees = _window_sum(freedom, half_window, True) - (axes.shape[0] - 3.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = np.where(degrees > 0.5, np.maximum(total, 0.0) / degrees, np.nan)
+        error = np.where(degrees > 0.5, np.sqrt(2.0 / degrees), np.nan)
+    steps = np.arange(measurements.shape[0], dtype=np.float64)
+    return AveragedVolatility(steps, variance, error, half_window, True, "unbiased")
 
 
 def _window_sum(values: FloatArray, half_window: int, causal: bool) -> FloatArray:

@@ -240,6 +240,9 @@ def take_out(
     use: BoolArray,
     status: IntArray,
     quiet: IntArray,
+    taken: IntArray,
+    now: int,
+    recall: int,
     plan: Plan,
     spare: Plan,
     count: int,
@@ -257,8 +260,12 @@ def take_out(
         As in `find_fault`; the averages are referred to the axes that remain.
     axes, unit, working
         Of all axes; their variances.
-    use, status, quiet : (M,) ndarray
-        Brought up to date.
+    use, status, quiet, taken : (M,) ndarray
+        Brought up to date; taken is the block in which an axis was taken out.
+    now : int
+        Number of the block.
+    recall : int
+        Blocks within which what was taken out comes back when the others turn out no better.
     plan, spare : tuple
         The plan, brought up to date, and room for another.
     count : int
@@ -278,6 +285,7 @@ def take_out(
     active, bounds, _, _, weight, testing, _, _ = plan
     peak = np.zeros(largest.size)
     first_look = True
+    before = average.copy()
     while True:
         best, chosen, blamed, scale = find_fault(
             average, spread, extra, axis_threshold, unit_threshold, unit_margin, plan, count, peak
@@ -299,16 +307,21 @@ def take_out(
                 use[i] = False
                 status[i] = -1
         left = arrange(axes, unit, working, use, spare) if rival < 0 else -1
-        if left < 0:
+        if left < 0 or 2 * (left - 3) < use.size - 3:
             for i in range(use.size):
                 if status[i] == -1:
                     use[i], status[i] = True, 0
+            if rival < 0:
+                # the accused would be the majority: it is not they who are wrong
+                number = _recall(unit, status, taken, now - recall, use, sample, events, number)
+                average[:] = before
+                count = arrange(axes, unit, working, use, plan)
             if not unresolved[0]:
                 number = log_event(
                     events,
                     number,
                     sample,
-                    4,
+                    4 if blamed < 0 else 6,
                     m if blamed < 0 else blamed,
                     scale,
                     best * threshold,
@@ -320,7 +333,7 @@ def take_out(
             return count, number
         for i in range(use.size):
             if status[i] == -1:
-                status[i], quiet[i] = (1 if blamed < 0 else 2), 0
+                status[i], quiet[i], taken[i] = (1 if blamed < 0 else 2), 0, now
         # what shows in its own residual is the share q/s of the fault
         share = 1.0 / (testing[chosen] / weight[chosen]) if testing[chosen] > 0.0 else 1.0
         number = log_event(
@@ -338,6 +351,30 @@ def take_out(
         count = arrange(axes, unit, working, use, plan)
         for j in range(spread.size):
             reproject(average[j], axes, plan, count)
+
+
+@kernel()
+def _recall(
+    unit: IntArray,
+    status: IntArray,
+    taken: IntArray,
+    since: int,
+    use: BoolArray,
+    sample: int,
+    events: FloatArray,
+    number: int,
+) -> int:
+    """Put back what was taken out since a block, and log it; return the length of the log."""
+    for m in range(status.size):
+        if status[m] > 0 and taken[m] >= since:
+            whole = status[m] == 2
+            kind, index = (3, unit[m]) if whole else (2, m)
+            number = log_event(events, number, sample, kind, index, -1, 0.0, 0.0, 0.0, -1)
+            for i in range(m, status.size):
+                if i == m or (whole and unit[i] == unit[m] and status[i] == 2):
+                    status[i] = 0
+                    use[i] = True
+    return number
 
 
 @kernel()

@@ -281,6 +281,7 @@ def follow(
     factor_gain: float,
     learning: int,
     readmission: float,
+    recall: int,
     patience: IntArray,
     bias: FloatArray,
     variance: FloatArray,
@@ -343,6 +344,8 @@ def follow(
         Blocks at the beginning in which nothing is taken out.
     readmission : float
         F of an axis taken out below which it behaves.
+    recall : int
+        Blocks within which what was taken out comes back when the others turn out no better.
     patience : (M,) ndarray of int
         Blocks that it has to behave; doubled each time.
     bias, variance : (M,) ndarray
@@ -370,8 +373,8 @@ def follow(
         Filled: largest F of an axis by smoothed residuals.
     events : (e, 8) ndarray
         Filled: last sample of the block, kind, axis or unit, scale, F, threshold, size of the
-        fault, other axis. Kinds: 0 axis out, 1 unit out, 2 axis back, 3 unit back, 4 inconsistent
-        but not isolated, 5 consistent again.
+        fault, other axis. Kinds: 0 axis out, 1 unit out, 2 axis back, 3 unit back, 4 axes (6 units)
+        contradict one another and none can be blamed, 5 consistent again.
 
     Returns
     -------
@@ -395,13 +398,16 @@ def follow(
     working, one, worst = variance.copy(), np.ones(total), np.zeros(total)
     average, extra_average = np.zeros((scales, total)), np.zeros(scales)
     noise_share, spread = smoothing / (2.0 - smoothing) / block, np.zeros(scales)
-    quiet, unresolved = np.zeros(total, np.int64), np.zeros(1, np.bool_)
+    quiet, taken = np.zeros(total, np.int64), np.zeros(total, np.int64)
+    unresolved = np.zeros(1, np.bool_)
     level, number = 0.0, 0
     with_extra, adapting = extra.size > 0, given.shape[0] == 0
     for b in range((n + block - 1) // block):
         start, stop = b * block, min(n, (b + 1) * block)
         for m in range(total):
-            here[m] = measurements[start, m] == measurements[start, m]
+            # an axis is missing when it is so at both ends; single samples are seen to below
+            first, last = measurements[start, m], measurements[stop - 1, m]
+            here[m] = first == first or last == last
             use[m] = status[m] == 0 and here[m]
             usage[b, m] = status[m] if here[m] else 3
             means[m] = excess[m] = seen[m] = 0.0
@@ -540,6 +546,9 @@ def follow(
             use,
             status,
             quiet,
+            taken,
+            b,
+            recall,
             plan,
             spare,
             count,
