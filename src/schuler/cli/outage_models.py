@@ -27,7 +27,7 @@ class ModelOptions:
     models : str, optional
         Error models with commas between, each through the same outages: 15AV, 18AV, 18AVWD, 15AR,
         27AR (Quinchia et al. 2013), flicker4, own; with +corrected, +turn-on, +scale,
-        +misalignment behind them.
+        +misalignment, +averaged, +garch behind them.
     static : Path, optional
         The same sensor at rest, at the rate of the drive: gives the noise where no --noise is
         given, and what AR models are fitted to.

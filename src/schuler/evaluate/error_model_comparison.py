@@ -305,7 +305,15 @@ def compare_error_models(
                 progress(f"run {number + 1} of {len(groups)}: {model.name}")
             own = _same_span(measured[model.name], cut)
             told = with_error_model(setup, model, turn_on_accel, turn_on_gyro, 1.0 / imu.rate)
-            done = run(own, used, told, smooth=smooth, false_alarm=false_alarm)
+            scale = model.white_scale(cut, told.model.white_density)
+            done = run(
+                own,
+                used,
+                told,
+                smooth=smooth,
+                false_alarm=false_alarm,
+                white_scale=None if scale is None else scale[: own.size],
+            )
             nis[model.name].append(done.causal.innovations.gnss.mean_nis)
             for solution in (done.causal, done.smoothed):
                 if solution is None:

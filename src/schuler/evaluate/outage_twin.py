@@ -210,7 +210,15 @@ def run_outages(
     for model in models:
         sensors = model.sensor_model(twin.turn_on_accel, twin.turn_on_gyro, 1.0 / twin.ideal.rate)
         setup = RunSetup(sensors, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
-        done = run(model.measured(drawn.imu), drawn.gnss, setup, false_alarm=0.0).causal
+        own = model.measured(drawn.imu)
+        scale = model.white_scale(drawn.imu, sensors.white_density)
+        done = run(
+            own,
+            drawn.gnss,
+            setup,
+            false_alarm=0.0,
+            white_scale=None if scale is None else scale[: own.size],
+        ).causal
         judged = tuple(
             judge_window(
                 done,

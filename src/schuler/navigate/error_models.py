@@ -9,11 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError, ModelError
 from schuler.navigate.allan_readings import AllanReading
+from schuler.navigate.changing_noise import ChangingNoise, averaged_noise
 from schuler.navigate.error_model import (
     SensorErrorModel,
     sensor_error_model,
@@ -34,6 +38,8 @@ from schuler.processes import (
 )
 from schuler.processes.gauss_markov import FLICKER_LEVEL
 
+FloatArray = NDArray[np.float64]
+
 ERROR_MODELS: dict[str, str] = {
     "15AV": "white noise and one Gauss-Markov noise on every channel",
     "18AV": "the same, and a random walk on the accelerometers",
@@ -50,6 +56,8 @@ OPTIONS: dict[str, str] = {
     "turn-on": "a state that holds the turn-on constant of every channel",
     "scale": "scale factor errors as states",
     "misalignment": "misalignments between the axes as states",
+    "averaged": "white noise that follows the average of its squares over the last second",
+    "garch": "white noise that follows the GARCH model of the static record",
 }
 """What may follow a base model after a plus sign."""
 
@@ -77,6 +85,9 @@ class ErrorModel:
         What to know before use: where the paper's form is wrong, what had to be assumed.
     scale_factor_sd, misalignment_sd : float
         Of the constant states for scale factor errors and misalignments; zero: no such states.
+    changing_noise : ChangingNoise or "averaged" or None
+        How the white noise changes from sample to sample; "averaged" with the average of the last
+        second at whatever rate the drive has.
     """
 
     name: str
@@ -86,6 +97,7 @@ class ErrorModel:
     notes: tuple[str, ...] = field(default=())
     scale_factor_sd: float = 0.0
     misalignment_sd: float = 0.0
+    changing_noise: ChangingNoise | Literal["averaged"] | None = None
 
     def sensor_model(
         self, turn_on_accel: float, turn_on_gyro: float, interval: float | None = None
@@ -147,6 +159,28 @@ class ErrorModel:
         """
         return imu if self.denoising is None else self.denoising.apply(imu)
 
+    def white_scale(self, imu: ImuRecording, white_density: ArrayLike) -> FloatArray | None:
+        """Return what multiplies the squared white-noise densities, sample by sample.
+
+        Parameters
+        ----------
+        imu : ImuRecording
+            As recorded: de-noised measurements do not show how loud the noise is.
+        white_density : (6,) array_like
+            Constant densities of the filter, accelerometers first.
+
+        Returns
+        -------
+        (n, 6) ndarray or None
+            For `run`; None where the noise is constant.
+        """
+        changing = self.changing_noise
+        if changing is None:
+            return None
+        if changing == "averaged":
+            changing = averaged_noise(imu.duration / max(imu.size - 1, 1))
+        return changing.white_scale(imu, white_density)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON: name, states, processes of every channel, notes."""
         return {
@@ -154,6 +188,9 @@ class ErrorModel:
             "states": self.states,
             "hold_constants": self.hold_constants,
             "denoising": None if self.denoising is None else self.denoising.to_dict(),
+            "changing_noise": self.changing_noise.to_dict()
+            if isinstance(self.changing_noise, ChangingNoise)
+            else self.changing_noise,
             "notes": list(self.notes),
             "processes": {
                 c: [{"kind": p.kind, **p.parameters} for p in self.noise_model.process(c).parts]
@@ -199,6 +236,7 @@ def error_model(
     autoregressive: Mapping[str, Autoregressive] | None = None,
     noise_model: NoiseModel | None = None,
     denoising: SensorDenoising | None = None,
+    garch: ChangingNoise | None = None,
 ) -> ErrorModel:
     """Build an error model of the catalogue.
 
@@ -215,6 +253,8 @@ def error_model(
         For "own".
     denoising : SensorDenoising, optional
         For 18AVWD; default: table 7 of S004, off-line.
+    garch : ChangingNoise, optional
+        For "+garch": see `fitted_noise`.
 
     Returns
     -------
@@ -239,6 +279,13 @@ def error_model(
     if missing and base != "own":
         raise InputError(f"no readings of {', '.join(missing)}", expected="all six channels")
     corrected = "corrected" in options
+    if "averaged" in options and "garch" in options:
+        raise InputError(f"error model '{name}'", expected="averaged or garch")
+    if "garch" in options and garch is None:
+        raise InputError(
+            f"error model '{name}' without a GARCH model",
+            cure="give a static recording of the sensor at the rate of the drive",
+        )
     notes: list[str] = []
     wavelets = None
     if base == "own":
@@ -265,6 +312,11 @@ def error_model(
         notes=tuple(notes),
         scale_factor_sd=SCALE_FACTOR_SD if "scale" in options else 0.0,
         misalignment_sd=MISALIGNMENT_SD if "misalignment" in options else 0.0,
+        changing_noise="averaged"
+        if "averaged" in options
+        else garch
+        if "garch" in options
+        else None,
     )
 
 

@@ -12,6 +12,7 @@ from schuler.data import ImuRecording
 from schuler.errors import InputError
 from schuler.navigate.allan_readings import AllanReading, allan_readings, readings_of_static
 from schuler.navigate.autoregressive_fits import autoregressive_fits
+from schuler.navigate.changing_noise import fitted_noise
 from schuler.navigate.error_models import ErrorModel, error_model, split_model_name
 from schuler.navigate.sensor_denoising import SensorDenoising
 from schuler.processes import NoiseModel
@@ -57,7 +58,8 @@ def error_models(
         A name that is not known, neither a noise model nor a static log, or a log of another
         rate.
     """
-    bases = [split_model_name(name)[0] for name in names]
+    split = [split_model_name(name) for name in names]
+    bases = [base for base, _ in split]
     if noise_model is None and static is None:
         raise InputError(
             f"error models {', '.join(names)} of an unknown sensor",
@@ -76,6 +78,9 @@ def error_models(
     if orders:
         record, note = _rest(noise_model, static, rate, orders)
         fits = autoregressive_fits(record, orders)
+    garch = None
+    if static is not None and any("garch" in options for _, options in split):
+        garch = fitted_noise(static)
     built = []
     for name, base in zip(names, bases, strict=True):
         model = error_model(
@@ -84,6 +89,7 @@ def error_models(
             autoregressive=fits.get(ORDERS.get(base, 0)),
             noise_model=noise_model,
             denoising=SensorDenoising.table_7(denoising),
+            garch=garch,
         )
         built.append(replace(model, notes=model.notes + note) if base in ORDERS else model)
     return tuple(built)
