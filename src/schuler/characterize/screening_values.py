@@ -74,6 +74,26 @@ def saturation(imu: ImuRecording) -> list[Finding]:
     return found
 
 
+def saturation_limits(signal: FloatArray) -> tuple[float, float]:
+    """Return the ends of the range at which a signal saturates.
+
+    Parameters
+    ----------
+    signal : (n,) ndarray
+        Values, all finite.
+
+    Returns
+    -------
+    (float, float)
+        Lowest and highest value where samples pile up there, else -inf and inf.
+    """
+    if not signal.max() > signal.min():
+        return -np.inf, np.inf
+    low = float(signal.min()) if _piled(-signal) else -np.inf
+    high = float(signal.max()) if _piled(signal) else np.inf
+    return low, high
+
+
 def _piled(signal: FloatArray) -> int:
     """Return how many samples lie at the maximum, if they pile up there; else 0."""
     top = signal.max()

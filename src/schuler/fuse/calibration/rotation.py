@@ -131,9 +131,9 @@ def _check_handed(a: FloatArray, b: FloatArray, weight: FloatArray, residual: Fl
     left = a - weight @ a / weight.sum()
     right = b - weight @ b / weight.sum()
     moment = np.einsum("n,ni,nj->ij", weight, left, right)
-    u, s, vt = np.linalg.svd(moment)
-    if np.linalg.det(u) * np.linalg.det(vt) > 0.0 or s[2] < 0.02 * s[0]:
-        return  # a rotation is the best orthogonal matrix, or the third direction is not moved
+    u, _, vt = np.linalg.svd(moment)
+    if np.linalg.det(u) * np.linalg.det(vt) > 0.0:
+        return  # a rotation is the best orthogonal matrix
     mirrored = float(np.sum((left - right @ (u @ vt).T) ** 2))
     if mirrored < MIRRORED * float(np.sum(residual**2)):
         raise InputError(
