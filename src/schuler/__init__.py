@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from schuler.errors import SchulerError
     from schuler.evaluate.outages import OutageEvaluation, evaluate_outages
     from schuler.export.kalibr import kalibr_yaml, write_kalibr
+    from schuler.fuse.calibration.door import calibrate_array
+    from schuler.fuse.calibration.result import ArrayCalibration
     from schuler.fuse.clocks.jumps import SampleJump, find_jumps
     from schuler.fuse.clocks.synchronization import Synchronization, synchronize
     from schuler.fuse.reading import read_array
@@ -133,6 +135,8 @@ _HOMES = {
     ),
     "schuler.denoise": ("CausalDenoiser", "Denoised", "denoise"),
     "schuler.simulate": ("simulate_gnss", "simulate_imu", "simulate_static"),
+    "schuler.fuse.calibration.door": ("calibrate_array",),
+    "schuler.fuse.calibration.result": ("ArrayCalibration",),
     "schuler.fuse.clocks.jumps": ("SampleJump", "find_jumps"),
     "schuler.fuse.clocks.synchronization": ("Synchronization", "synchronize"),
     "schuler.fuse.reading": ("read_array",),
@@ -150,6 +154,7 @@ __all__ = [
     "ArFit",
     "ArmaFit",
     "ArmaGarchFit",
+    "ArrayCalibration",
     "AutocorrelationCurve",
     "Autoregressive",
     "BiasInstability",
@@ -192,6 +197,7 @@ __all__ = [
     "allan_deviation",
     "arch_lm_test",
     "autocorrelation",
+    "calibrate_array",
     "characterize_imu",
     "compare_methods",
     "compare_methods_imu",
