@@ -108,8 +108,9 @@ def test_parameters_are_found_within_their_standard_errors() -> None:
         assert found.gyro_deviation_sd.max() < 1e-3 and found.position_sd.max() < 2e-3
     for name, values in scores.items():
         flat = np.concatenate(values)
-        # errors of the IMUs sum to zero: the mean square is (k - 1)/k of the claimed at best
-        assert 0.5 < np.mean(flat**2) < 1.6, name
+        # errors of differences sum to zero over the IMUs, those of what gravity tells are the same
+        # for all: far fewer than 60 of these count, and the seeds carry most of the scatter
+        assert 0.35 < np.mean(flat**2) < 1.7, name
         assert np.mean(np.abs(flat) < 2.0) > 0.88, name
 
 
