@@ -207,11 +207,22 @@ def show_outages(
             number(s.mean_of_max_m),
             number(s.median_of_max_m),
             number(s.worst_m),
+            number(s.circular_error_m(0.95)),
             percent(s.within_2_sigma),
+            number(s.claimed_over_real),
         )
         for name, s in answers
     ]
-    screen.table(("answer", "mean of maxima", "median", "worst", "inside 2 sigma"), rows)
+    columns = (
+        "answer",
+        "mean of maxima",
+        "median",
+        "worst",
+        "CEP 95 %",
+        "inside 2 sigma",
+        "claimed/real",
+    )
+    screen.table(columns, rows)
     each = [
         (
             number(c.start_s, 4),

@@ -88,6 +88,7 @@ def outage_sections(evaluation: OutageEvaluation) -> tuple[Section, ...]:
     answers = _answers(evaluation)
     blocks = (
         _overall(answers),
+        _honesty(answers),
         _growth(answers),
         _claims(answers),
         _windows(answers),
@@ -123,7 +124,9 @@ def _overall(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
             number(s.median_of_max_m),
             number(s.worst_m),
             number(s.mean_m),
-            percent(s.within_2_sigma),
+            number(s.rms_m),
+            number(s.circular_error_m(0.5)),
+            number(s.circular_error_m(0.95)),
         )
         for name, _, s in answers
     )
@@ -136,11 +139,41 @@ def _overall(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
             "median of maxima",
             "worst",
             "mean",
-            "inside claimed 2 sigma",
+            "rms",
+            "CEP 50 %",
+            "CEP 95 %",
         ),
         rows,
         note="Maximum: largest horizontal error inside a window, against the GNSS positions that "
-        "were withheld. Inside: share of errors within the 95.4 % ellipse that the filter claims.",
+        "were withheld. CEP: radius that holds this share of all errors.",
+    )
+
+
+def _honesty(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
+    rows = tuple(
+        (
+            name,
+            percent(s.within_2_sigma),
+            number(s.end_rms_m),
+            number(s.claimed_over_real),
+            "" if s.floor_m is None or name == "smoothed" else number(s.floor_m),
+        )
+        for name, _, s in answers
+    )
+    return Table(
+        "What is claimed, and the floor",
+        (
+            "answer",
+            "inside claimed 2 sigma",
+            "rms at the end in m",
+            "claimed / real at the end",
+            "white-noise floor in m",
+        ),
+        rows,
+        note="Inside: share of errors within the 95.4 % ellipse that the filter claims. Claimed / "
+        "real: root mean squares at the last epochs of the windows; below one is overconfident. "
+        "Floor: what the white noise of the sensor alone does from a perfect start, without "
+        "constraints of the vehicle (g N t^5/2 / sqrt(20) and N t^3/2 / sqrt(3) an axis).",
     )
 
 
@@ -163,6 +196,9 @@ def _growth(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
         since, claimed = _typical_claim(s)
         heights.append(float(claimed.max(initial=0.0)))
         traces.append(line(since, claimed, "@model", "claimed 2 sigma", width=1.6, dash="dash"))
+        floor = max(s.windows, key=lambda w: w.time.size).floor
+        if floor is not None and name == "causal":
+            traces.append(line(since, floor, "@model", "white-noise floor", width=1.2, dash="dot"))
         figures.append(
             Figure(
                 f"Error while GNSS is gone, {name}",
@@ -179,6 +215,7 @@ def _growth(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
         LegendItem("one window, causal", "@causal"),
         LegendItem("one window, smoothed", "@smoothed"),
         LegendItem("claimed 2 sigma, median of the windows", "@model", "dash"),
+        LegendItem("white-noise floor, 1 sigma", "@model", "dot"),
     )
     return FigureGrid(tuple(figures), legend, columns=2)
 
