@@ -213,7 +213,7 @@ def show_outages(
         )
         for name, s in answers
     ]
-    columns = (
+    overall = (
         "answer",
         "mean of maxima",
         "median",
@@ -222,7 +222,7 @@ def show_outages(
         "inside 2 sigma",
         "claimed/real",
     )
-    screen.table(columns, rows)
+    screen.table(overall, rows)
     each = [
         (
             number(c.start_s, 4),
