@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from schuler.identify.residuals.tests import arch_lm_test, ljung_box_test
     from schuler.navigate import navigate, navigate_array
     from schuler.navigate.observability import Observability, Segment, observability
+    from schuler.navigate.streaming import FilterState, GnssReceiver, NavigationFilter
     from schuler.processes import (
         BiasInstability,
         GaussMarkov,
@@ -141,6 +142,7 @@ _HOMES = {
     "schuler.fuse.clocks.synchronization": ("Synchronization", "synchronize"),
     "schuler.fuse.reading": ("read_array",),
     "schuler.navigate": ("navigate", "navigate_array"),
+    "schuler.navigate.streaming": ("FilterState", "GnssReceiver", "NavigationFilter"),
     "schuler.navigate.observability": ("Observability", "Segment", "observability"),
     "schuler.evaluate.outages": ("OutageEvaluation", "evaluate_outages"),
     "schuler.export.kalibr": ("kalibr_yaml", "write_kalibr"),
@@ -160,9 +162,11 @@ __all__ = [
     "BiasInstability",
     "CausalDenoiser",
     "Denoised",
+    "FilterState",
     "FosFit",
     "GarchFit",
     "GaussMarkov",
+    "GnssReceiver",
     "GnssRecording",
     "Identification",
     "ImuArray",
@@ -173,6 +177,7 @@ __all__ = [
     "MethodComparison",
     "MethodIdentification",
     "Mounting",
+    "NavigationFilter",
     "NavigationSolution",
     "NoiseModel",
     "Observability",

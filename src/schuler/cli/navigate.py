@@ -24,6 +24,7 @@ def navigate(
     gnss: Path,
     noise: Path | None = None,
     smooth: bool = False,
+    lag: float | None = None,
     out: Path | None = None,
     report: Path | None = None,
     json: Path | None = None,
@@ -45,6 +46,8 @@ def navigate(
         Noise model as YAML, from `schuler characterize --noise-out`.
     smooth : bool
         Use all data for every moment (fixed-interval smoother).
+    lag : float, optional
+        Use data up to so many seconds after every moment (fixed-lag smoother).
     out : Path, optional
         Write the trajectory here, .parquet or .csv.
     report : Path, optional
@@ -75,8 +78,8 @@ def navigate(
     with progress("Navigating") as shown:
         cut, setup = prepare(recording, fixes, model, progress=shown.say, **keywords)
         shown.say("smoothing" if smooth else "filtering")
-        done = run(cut, fixes, setup, smooth=smooth)
-    causal, smoothed = done.causal, done.smoothed
+        done = run(cut, fixes, setup, smooth=smooth, lag=lag)
+    causal, smoothed = done.causal, done.smoothed or done.lagged
     best = smoothed or causal
     if report is not None:
         from schuler.report import NavigationResults, render_report
@@ -231,6 +234,8 @@ def show_navigation(
     for name, solution in (("causal", causal), ("smoothed", smoothed)):
         if solution is None:
             continue
+        if "lag_s" in solution.settings:
+            name = f"lag of {number(solution.settings['lag_s'])} s"
         horizontal = np.sqrt(np.sum(solution.position_sd[:, :2] ** 2, axis=1))
         tilt = np.degrees(solution.attitude_sd)
         rows.append(

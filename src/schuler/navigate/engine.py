@@ -155,11 +155,13 @@ class Checkpoints:
             gyro[own],
             accel[own],
             scale[own] if scale.size else scale,
-            measurements,
-            sample_arrays(SampleOutputs.empty(0)),
-            aiding_arrays(again),
-            node_arrays(nodes),
-            closing=p + 2 == len(self.start),
+            p + 2 == len(self.start),
+            stepper.tail(
+                measurements,
+                sample_arrays(SampleOutputs.empty(0)),
+                aiding_arrays(again),
+                node_arrays(nodes),
+            ),
         )
         return NodeStretch(first, stop, nodes, kept.row, kept.gain)
 
@@ -324,11 +326,13 @@ def run_engine(
             imu.gyro[own],
             imu.accel[own],
             scale[own] if scale.size else scale,
-            measurements,
-            tuple(a[own] for a in sample_arrays(samples)),
-            aiding_arrays(aiding),
-            node_arrays(nodes),
-            closing=stop == n,
+            stop == n,
+            stepper.tail(
+                measurements,
+                tuple(a[own] for a in sample_arrays(samples)),
+                aiding_arrays(aiding),
+                node_arrays(nodes),
+            ),
         )
         if bad >= 0:
             raise diverged(imu, first + bad)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
+from schuler.navigate.engine import SMOOTHER_MEMORY
 from schuler.navigate.preparation import (
     TURN_ON_ACCEL,
     TURN_ON_GYRO,
@@ -62,7 +63,8 @@ def navigate(
     noise_model: NoiseModel | None = None,
     *,
     outages: Sequence[tuple[float, float]] = (),
-    smooth: bool = False,
+    smooth: bool | Literal["fixed-lag"] = False,
+    lag: float = 5.0,
     lever_arm: ArrayLike = (0.0, 0.0, 0.0),
     heading: float | None = None,
     mounting: FloatArray | None = None,
@@ -70,6 +72,7 @@ def navigate(
     tune_noise: bool | None = None,
     aiding: Sequence[str] = (),
     false_alarm: float = FALSE_ALARM,
+    smoother_memory: float = SMOOTHER_MEMORY,
     turn_on_accel: float = TURN_ON_ACCEL,
     turn_on_gyro: float = TURN_ON_GYRO,
     progress: Progress | None = None,
@@ -88,8 +91,11 @@ def navigate(
     outages : sequence of (start, seconds)
         GNSS that is withheld from everything, alignment and tuning included; start in seconds
         after the first GNSS epoch.
-    smooth : bool
-        Return the smoothed solution instead of the causal one.
+    smooth : bool or "fixed-lag"
+        Return the smoothed solution instead of the causal one: by the whole recording (True), or
+        by what is measured up to `lag` after each moment ("fixed-lag").
+    lag : float
+        Of fixed-lag smoothing, s.
     lever_arm : (3,) array_like
         GNSS antenna from IMU, in IMU axes, m.
     heading : float or None
@@ -108,6 +114,9 @@ def navigate(
         vibration of the wheels tells their speed, once GNSS has told their circumference.
     false_alarm : float
         Probability with which the innovation gate refuses a good measurement; 0: no gate.
+    smoother_memory : float
+        Bytes that may be kept for smoothing; a run that needs more is computed twice, part by
+        part, to the same numbers.
     turn_on_accel, turn_on_gyro : float
         Standard deviations of the constants at switch-on, m/s² and rad/s.
     progress : callable or None
@@ -125,6 +134,8 @@ def navigate(
     NavigationError
         No overlap, no heading, no mounting where it is needed, or a run that diverges.
     """
+    if not (isinstance(smooth, bool) or smooth == "fixed-lag"):
+        raise InputError(f"smoothing '{smooth}'", expected="False, True or 'fixed-lag'")
     used = withhold(gnss, outages) if outages else gnss
     cut, setup = prepare(
         imu,
@@ -142,8 +153,16 @@ def navigate(
     )
     if progress is not None:
         progress("filtering")
-    done = run(cut, used, setup, smooth=smooth, false_alarm=false_alarm)
-    solution = done.smoothed if smooth and done.smoothed is not None else done.causal
+    done = run(
+        cut,
+        used,
+        setup,
+        smooth=smooth is True,
+        lag=lag if smooth == "fixed-lag" else None,
+        false_alarm=false_alarm,
+        smoother_memory=smoother_memory,
+    )
+    solution = done.smoothed or done.lagged or done.causal
     solution.settings["outages"] = [list(w) for w in outages]
     solution.settings["noise_model"] = (noise_model or generic_noise_model()).source
     return solution

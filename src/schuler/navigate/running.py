@@ -25,15 +25,17 @@ from schuler.navigate.aiding import (
 )
 from schuler.navigate.engine import (
     NO_VEHICLE,
+    SMOOTHER_MEMORY,
     FilterRun,
     SampleOutputs,
     gate_thresholds,
     run_engine,
 )
+from schuler.navigate.lagged import smooth_run_with_lag
 from schuler.navigate.mounting import estimate_mounting
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import RunSetup
-from schuler.navigate.smoother import smooth_run
+from schuler.navigate.smoother import SmoothedRun, smooth_run
 from schuler.navigate.wheel_speed import find_wheel_speeds
 
 FloatArray = NDArray[np.float64]
@@ -44,11 +46,24 @@ FALSE_ALARM = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NavigationRun:
-    """A causal solution, its smoothed twin if asked for, and the setup of both."""
+    """A causal solution, its smoothed twins if asked for, and the setup of all.
+
+    Parameters
+    ----------
+    causal : NavigationSolution
+        Of the filter.
+    smoothed : NavigationSolution or None
+        By the whole recording.
+    setup : RunSetup
+        Of all.
+    lagged : NavigationSolution or None
+        By measurements up to a fixed lag after each sample.
+    """
 
     causal: NavigationSolution
     smoothed: NavigationSolution | None
     setup: RunSetup
+    lagged: NavigationSolution | None = None
 
 
 def run(
@@ -57,8 +72,10 @@ def run(
     setup: RunSetup,
     *,
     smooth: bool = False,
+    lag: float | None = None,
     false_alarm: float = FALSE_ALARM,
     white_scale: FloatArray | None = None,
+    smoother_memory: float = SMOOTHER_MEMORY,
 ) -> NavigationRun:
     """Filter, and smooth, with everything known.
 
@@ -71,16 +88,20 @@ def run(
     setup : RunSetup
         From `prepare`.
     smooth : bool
-        Whether to smooth as well.
+        Whether to smooth by the whole recording as well.
+    lag : float or None
+        Seconds of later measurements that a fixed-lag solution may use; None: no such solution.
     false_alarm : float
         Of the innovation gate.
     white_scale : (n, 6) ndarray or None
         See `run_engine`; None: as the setup found the noise to follow vibration.
+    smoother_memory : float
+        Bytes that may be kept for smoothing, see `run_engine`.
 
     Returns
     -------
     NavigationRun
-        Causal and perhaps smoothed solution.
+        Causal and perhaps smoothed solutions.
     """
     schedule = setup.schedule(imu, gnss)
     initial, gate = setup.initial_state(imu, gnss), gate_thresholds(false_alarm)
@@ -103,7 +124,8 @@ def run(
         gate=gate,
         white_scale=scale,
         vehicle=vehicle,
-        keep_nodes=smooth,
+        keep_nodes=smooth or lag is not None,
+        smoother_memory=smoother_memory,
     )
     innovations = _innovations(schedule, result)
     settings = (
@@ -131,22 +153,29 @@ def run(
         result.log_likelihood,
         smoothed=False,
     )
-    if not smooth:
-        return NavigationRun(causal=causal, smoothed=None, setup=setup)
-    back = smooth_run(result, setup.model, imu.time)
-    smoothed = _solution(
-        imu,
-        back.samples,
-        setup.model,
-        nodes.time,
-        back.sensor_state,
-        back.sensor_sd,
-        innovations,
-        settings,
-        result.log_likelihood,
-        smoothed=True,
-    )
-    return NavigationRun(causal=causal, smoothed=smoothed, setup=setup)
+
+    def smoothed_solution(back: SmoothedRun, how: dict[str, Any]) -> NavigationSolution:
+        return _solution(
+            imu,
+            back.samples,
+            setup.model,
+            nodes.time,
+            back.sensor_state,
+            back.sensor_sd,
+            innovations,
+            settings | {"smoother_bytes": result.smoother_bytes} | how,
+            result.log_likelihood,
+            smoothed=True,
+        )
+
+    smoothed, lagged = None, None
+    if smooth:
+        back = smooth_run(result, setup.model, imu.time)
+        smoothed = smoothed_solution(back, {"smoothing": "fixed interval"})
+    if lag is not None:
+        back = smooth_run_with_lag(result, setup.model, imu.time, lag)
+        lagged = smoothed_solution(back, {"smoothing": "fixed lag", "lag_s": lag})
+    return NavigationRun(causal=causal, smoothed=smoothed, setup=setup, lagged=lagged)
 
 
 def _innovations(schedule: AidingSchedule, result: FilterRun) -> Innovations:

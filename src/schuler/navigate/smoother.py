@@ -109,16 +109,33 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
         return mixed
 
     return SmoothedRun(
-        samples=_corrected(run.samples, left, between(position), between(sd[:, :9])),
+        samples=corrected_samples(run.samples, left, between(position), between(sd[:, :9])),
         sensor_state=nodes.sensor_state + error[:, 9:],
         sensor_sd=sd[:, 9:],
     )
 
 
-def _corrected(
+def corrected_samples(
     samples: SampleOutputs, error: FloatArray, position_covariance: FloatArray, sd: FloatArray
 ) -> SampleOutputs:
-    """Take an error (n, 9) out of the filter's states."""
+    """Take errors out of the filter's states.
+
+    Parameters
+    ----------
+    samples : SampleOutputs
+        Of the filter, n rows.
+    error : (n, 9) ndarray
+        Computed minus true, as estimated.
+    position_covariance : (n, 3, 3) ndarray
+        What is left of it in position.
+    sd : (n, 9) ndarray
+        Likewise, standard deviations.
+
+    Returns
+    -------
+    SampleOutputs
+        Same samples.
+    """
     north, east = metres_per_radian(samples.position)
     position = samples.position.copy()
     position[:, 0] -= error[:, 0] / north

@@ -96,6 +96,7 @@ class FilterStepper:
 
     __slots__ = (
         "_after",
+        "_kernel",
         "_model",
         "counters",
         "memory",
@@ -116,10 +117,13 @@ class FilterStepper:
         accumulating: bool = False,
     ) -> None:
         from schuler.kernels import memory as places
+        from schuler.kernels.filter import run_filter
         from schuler.kernels.strapdown import rotation_from_quaternion
         from schuler.kernels.transition import reset_transition
         from schuler.rotations import quaternion_from_dcm
 
+        # a type checker counts every tuple as one argument at least
+        self._kernel: Callable[..., int] = run_filter
         layout = model.layout()
         m, widest = model.size, layout.drift.shape[1]
         self.size, self.width = 9 + m, widest
@@ -133,6 +137,7 @@ class FilterStepper:
         rotation_from_quaternion(quaternion, rotation)
         # a vehicle's rate is that of the first sample, no step has a transition yet
         habits[6:9] = 1.0, 1.0, -1.0
+        habits[10] = -np.inf
         sensor, *_, covariance = places.carve_sensors(self.memory, m, widest)
         sensor[:], covariance[:] = initial.sensor_state, initial.covariance
         if accumulating:
@@ -174,6 +179,11 @@ class FilterStepper:
         return int(self.counters[2])
 
     @property
+    def time(self) -> float:
+        """Time of the last sample, s; minus infinity before the first."""
+        return float(self.memory[72])
+
+    @property
     def log_likelihood(self) -> float:
         """Of the accepted measurements so far."""
         return float(self.memory[71])
@@ -197,18 +207,45 @@ class FilterStepper:
             self.memory[first : first + s * s].reshape(s, s),
         )
 
+    def tail(
+        self,
+        measurements: tuple[Any, ...],
+        samples: tuple[FloatArray, ...],
+        aiding: tuple[Any, ...],
+        nodes: tuple[Any, ...],
+    ) -> tuple[Any, ...]:
+        """Return what `advance` passes on behind the samples; the same for many stretches.
+
+        Parameters
+        ----------
+        measurements : tuple
+            From `measurement_arrays`.
+        samples, aiding, nodes : tuple of ndarray
+            From `sample_arrays`, `aiding_arrays` and `node_arrays`.
+
+        Returns
+        -------
+        tuple
+            In the order of the kernel.
+        """
+        return (
+            *self._model,
+            *measurements,
+            *self._after,
+            *samples,
+            *aiding,
+            self.node_interval,
+            *nodes,
+        )
+
     def advance(
         self,
         time: FloatArray,
         gyro: FloatArray,
         accel: FloatArray,
         white_scale: FloatArray,
-        measurements: tuple[Any, ...],
-        samples: tuple[FloatArray, ...],
-        aiding: tuple[Any, ...],
-        nodes: tuple[Any, ...],
-        *,
         closing: bool,
+        tail: tuple[Any, ...],
     ) -> int:
         """Take a stretch of samples; see `kernels.filter.run_filter`.
 
@@ -218,23 +255,17 @@ class FilterStepper:
             (n,), (n, 3) and (n, 3); at least two samples at the start.
         white_scale : (n, 6) or (0, 6) ndarray
             Factors on the squared noise densities.
-        measurements : tuple
-            From `measurement_arrays`.
-        samples, aiding, nodes : tuple of ndarray
-            The fields of `SampleOutputs`, `AidingOutputs` and `NodeOutputs` in their order.
         closing : bool
             Whether the last sample makes a node.
+        tail : tuple
+            From `tail`.
 
         Returns
         -------
         int
             Sample of the stretch at which the state was no longer finite, or -1.
         """
-        from schuler.kernels.filter import run_filter
-
-        # a type checker counts every tuple as one argument at least
-        kernel: Callable[..., int] = run_filter
-        return kernel(
+        return self._kernel(
             self.memory,
             self.counters,
             self.scratch,
@@ -243,13 +274,7 @@ class FilterStepper:
             accel,
             white_scale,
             closing,
-            *self._model,
-            *measurements,
-            *self._after,
-            *samples,
-            *aiding,
-            self.node_interval,
-            *nodes,
+            *tail,
         )
 
 
@@ -273,7 +298,7 @@ def measurement_arrays(schedule: AidingSchedule, states: int) -> tuple[Any, ...]
     NavigationError
         A measurement refers to states or matrices that do not exist.
     """
-    _check(schedule, states)
+    check_references(schedule, states)
     return (
         schedule.size,
         schedule.time,
@@ -287,8 +312,21 @@ def measurement_arrays(schedule: AidingSchedule, states: int) -> tuple[Any, ...]
     )
 
 
-def _check(schedule: AidingSchedule, states: int) -> None:
-    """The kernel does not look whether a measurement refers to states that exist."""
+def check_references(schedule: AidingSchedule, states: int) -> None:
+    """Raise where measurements refer to what does not exist; the kernel does not look.
+
+    Parameters
+    ----------
+    schedule : AidingSchedule
+        Measurements.
+    states : int
+        Number of sensor states m.
+
+    Raises
+    ------
+    NavigationError
+        A state or matrix that is not there.
+    """
     from schuler.errors import NavigationError
 
     linear = schedule.kind == LINEAR

@@ -69,17 +69,34 @@ def vibration_level(imu: ImuRecording) -> FloatArray:
         Natural logarithm of the mean square difference of neighbouring samples over the last
         second, less its mean; accelerometers first.
     """
-    values = np.concatenate([imu.accel, imu.gyro], axis=1)
-    square = np.diff(values, axis=0, prepend=values[:1]) ** 2
-    total = np.concatenate([np.zeros((1, 6)), np.cumsum(square, axis=0)])
-    stop = np.arange(1, imu.size + 1)
-    start = np.maximum(stop - max(round(MEMORY * imu.rate), 2), 0)
-    mean = (total[stop] - total[start]) / (stop - start)[:, None]
+    mean, _ = mean_squares(imu)
     typical = np.maximum(np.median(mean, axis=0), 1e-300)
     limit = np.log(LARGEST_RATIO)
     level = np.clip(np.log(np.maximum(mean / typical, 1e-300)), -limit, limit)
     centred: FloatArray = level - level.mean(axis=0)
     return centred
+
+
+def mean_squares(imu: ImuRecording) -> tuple[FloatArray, int]:
+    """Return the mean square difference of neighbouring samples over the last second.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels, at their full rate.
+
+    Returns
+    -------
+    tuple of ndarray and int
+        (n, 6), accelerometers first, and the number of samples in a second.
+    """
+    values = np.concatenate([imu.accel, imu.gyro], axis=1)
+    square = np.diff(values, axis=0, prepend=values[:1]) ** 2
+    total = np.concatenate([np.zeros((1, 6)), np.cumsum(square, axis=0)])
+    stop = np.arange(1, imu.size + 1)
+    places = max(round(MEMORY * imu.rate), 2)
+    start = np.maximum(stop - places, 0)
+    return (total[stop] - total[start]) / (stop - start)[:, None], places
 
 
 def level_at(time: FloatArray, imu: ImuRecording, level: FloatArray) -> FloatArray:

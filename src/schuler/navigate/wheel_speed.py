@@ -254,11 +254,10 @@ def _pieces(
             imu.gyro[own],
             imu.accel[own],
             scale[own] if scale.size else scale,
-            measurements,
-            sample_arrays(samples),
-            aiding_arrays(aiding),
-            node_arrays(nodes),
-            closing=False,
+            False,
+            stepper.tail(
+                measurements, sample_arrays(samples), aiding_arrays(aiding), node_arrays(nodes)
+            ),
         )
         if bad >= 0:
             raise diverged(imu, first + bad)

@@ -1,0 +1,109 @@
+"""Time of one call in a real-time loop, and that the stream ends where the batch filter does.
+
+A drive of 100 Hz with GNSS once a second that arrives 0.2 s late, fed sample by sample from Python:
+`add_imu` and `add_gnss`, each timed by itself, in CPU time of this thread. What else the machine
+does still empties the caches in between, so every figure is the least of three streams.
+`python -m benchmarks.streaming`.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.filter_speed import LEVER, recordings, sensor_model, started
+from schuler.data import ImuRecording
+from schuler.navigate.aiding import AidingSchedule
+from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigate.streaming import GnssReceiver, NavigationFilter
+
+Array = NDArray[np.float64]
+
+LATE = 0.2
+WARM_UP = 500
+STREAMS = 3
+MOST_IMU = 20.0
+MOST_GNSS = 200.0
+
+
+def stream(
+    imu: ImuRecording,
+    schedule: AidingSchedule,
+    start: InitialState,
+    states: int,
+    lag: float | None,
+) -> tuple[Array, Array, NavigationFilter]:
+    """Microseconds of every add_imu and add_gnss, and the filter at the end."""
+    model = sensor_model(states)
+    filter_ = NavigationFilter(
+        started(start, model),
+        model,
+        gate=gate_thresholds(0.0),
+        rate=100.0,
+        late=1.0,
+        lag=lag,
+        receiver=GnssReceiver(LEVER),
+    )
+    # position and velocity of one epoch are neighbours in the schedule
+    epochs = schedule.time[::2]
+    sd = np.sqrt(schedule.variance)
+    waiting = 0
+    by_imu, by_gnss = [], []
+    clock = time.thread_time_ns
+    times = imu.time.tolist()
+    gc.disable()
+    for k, now in enumerate(times):
+        gyro, accel = imu.gyro[k], imu.accel[k]
+        begin = clock()
+        filter_.add_imu(now, gyro, accel)
+        by_imu.append(clock() - begin)
+        while waiting < epochs.size and epochs[waiting] + LATE <= now:
+            p, v = 2 * waiting, 2 * waiting + 1
+            begin = clock()
+            filter_.add_gnss(epochs[waiting], schedule.value[p], sd[p], schedule.value[v], sd[v])
+            by_gnss.append(clock() - begin)
+            waiting += 1
+    gc.enable()
+    skip = WARM_UP // 100
+    return np.array(by_imu[WARM_UP:]) / 1e3, np.array(by_gnss[skip:]) / 1e3, filter_
+
+
+def main() -> int:
+    imu, schedule, start = recordings()
+    checks = []
+    print("microseconds of CPU a call: median, 99th percentile, largest")
+    for states, lag in ((15, None), (15, 2.0), (33, None)):
+        runs = [stream(imu, schedule, start, states, lag) for _ in range(STREAMS)]
+        filter_ = runs[-1][2]
+        for place, name, most in ((0, "add_imu", MOST_IMU), (1, "add_gnss", MOST_GNSS)):
+            spread = [np.percentile(r[place], [50, 99, 100]) for r in runs]
+            middle, high, largest = np.min(spread, axis=0)
+            with_lag = "" if lag is None else f", lag {lag:g} s"
+            print(f"{states} states{with_lag}: {name:8s} {middle:7.1f} {high:7.1f} {largest:8.1f}")
+            text = f"{states} states{with_lag}: {name} {high:.1f} (at most {most:g})"
+            checks.append((bool(high <= most), text))
+        model = sensor_model(states)
+        used = schedule.time + LATE <= imu.time[-1]
+        short = AidingSchedule(
+            schedule.time[used],
+            schedule.kind[used],
+            schedule.value[used],
+            schedule.variance[used],
+            schedule.lever_arm[used],
+        )
+        done = run_engine(
+            imu, started(start, model), model, short, gate=gate_thresholds(0.0), keep_nodes=False
+        )
+        same = np.array_equal(filter_.state().position, done.samples.position[-1])
+        checks.append((same, f"{states} states: the batch filter ends at the same bits"))
+    for good, text in checks:
+        print(("reached: " if good else "MISSED: ") + text)
+    return 0 if all(good for good, _ in checks) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
