@@ -4,11 +4,107 @@ What is done with four IMUs stands in `fusion`, with the series of one gyro in `
 """
 
 from schuler.studies.experiment import Experiment, Item, Repetitions
-from schuler.studies.waegli2010 import arithmetic, series, series_items
+from schuler.studies.waegli2010 import (
+    arithmetic,
+    fusion,
+    fusion_items,
+    series,
+    series_items,
+    systems,
+)
 
 PAPER = series.PAPER
 
 EXPERIMENTS = (
+    Experiment(
+        PAPER,
+        "systems",
+        "Four IMUs and GNSS through outages, five ways",
+        systems.run,
+        items=(
+            Item(
+                "Figs. 1-3",
+                "Synthetic, extended, constrained integration; system level",
+                "the synthetic IMU is simple and sub-optimal, the others are optimal",
+                systems.figures_1_to_3,
+            ),
+            Item(
+                "Fig. 4",
+                "Four IMUs on a tetrahedron",
+                "a regular tetrahedron with a reference IMU",
+                systems.figure_4,
+            ),
+        ),
+        repetitions=Repetitions(6, 40),
+    ),
+    Experiment(
+        PAPER,
+        "noise",
+        "Four gyros of unequal noise, one biased",
+        fusion.run_noise,
+        items=(
+            Item(
+                "eq. (1), Fig. 5",
+                "Noise of one and of the mean of four",
+                "four sensors halve the noise: 48.6 % measured",
+                fusion_items.figure_5,
+                ("E-000-11",),
+            ),
+            Item(
+                "Fig. 6",
+                "A biased, noisy sensor",
+                "MTi 14 is noisier, and its bias enters the synthetic IMU",
+                fusion_items.figure_6,
+                ("E-000-16",),
+            ),
+            Item(
+                "eq. (12), Fig. 13",
+                "Weighted synthetic IMU",
+                "weights reduce noise by 14.6 % more, 56.2 % in all",
+                fusion_items.figure_13,
+            ),
+        ),
+        repetitions=Repetitions(3, 20),
+    ),
+    Experiment(
+        PAPER,
+        "weights",
+        "Weights when one sensor is bad",
+        fusion.run_weights,
+        items=(
+            Item(
+                "eq. (12), weights",
+                "Whose variance do residuals show?",
+                "σ² of each sensor is estimated from its residuals",
+                fusion_items.weights,
+                ("E-000-11",),
+            ),
+        ),
+        repetitions=Repetitions(3, 20),
+    ),
+    Experiment(
+        PAPER,
+        "volatility",
+        "Averaged volatilities of constant noise and of a step",
+        fusion.run_volatility,
+        items=(
+            Item(
+                "eqs. (2)-(3), Fig. 7",
+                "Averaged volatility by window",
+                "longer windows are smoother",
+                fusion_items.figure_7,
+                ("E-000-1", "E-000-2"),
+            ),
+            Item(
+                "eq. (4), Fig. 8",
+                "Residuals against errors",
+                "noise from residuals is underestimated; agreement is a coincidence",
+                fusion_items.figure_8,
+                ("E-000-3",),
+            ),
+        ),
+        repetitions=Repetitions(3, 20),
+    ),
     Experiment(
         PAPER,
         "arma",
@@ -69,6 +165,42 @@ EXPERIMENTS = (
             ),
         ),
         repetitions=Repetitions(6, 40),
+    ),
+    Experiment(
+        PAPER,
+        "one-varies",
+        "One gyro of four varies",
+        fusion.run_one_varies,
+        items=(
+            Item(
+                "Fig. 14",
+                "GARCH against averaged volatility",
+                "the averaged volatility is coarser and pools all sensors",
+                fusion_items.figure_14,
+            ),
+            Item(
+                "Table 3",
+                "The two methods compared",
+                "simple and robustifiable against fine and costly",
+                fusion_items.table_3,
+            ),
+        ),
+        repetitions=Repetitions(2, 20),
+    ),
+    Experiment(
+        PAPER,
+        "table-4",
+        "One axis gets noisier",
+        fusion.run_table_4,
+        items=(
+            Item(
+                "Table 4, eq. (13)",
+                "Synthetic and weighted IMU when one sensor gets noisier",
+                "the weighted IMU is hardly affected",
+                fusion_items.table_4,
+            ),
+        ),
+        repetitions=Repetitions(3, 20),
     ),
     Experiment(
         PAPER,
@@ -144,8 +276,24 @@ EXPERIMENTS = (
                 series_items.recording,
             ),
         ),
-        repetitions=Repetitions(2, 6),
+        repetitions=Repetitions(1, 6),
         recordings=("adis16405-static",),
+    ),
+    Experiment(
+        PAPER,
+        "mimu8-at-rest",
+        "Eight gyros of one board at rest",
+        fusion.run_recording,
+        items=(
+            Item(
+                "Figs. 5, 13 on MIMU board",
+                "Two, four and eight real gyros",
+                "as in figures 5 and 13",
+                fusion_items.recording,
+            ),
+        ),
+        repetitions=Repetitions(1, 3),
+        recordings=("mimu8-array",),
     ),
 )
 """All that is done again of this paper."""
