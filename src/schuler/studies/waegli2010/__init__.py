@@ -35,7 +35,7 @@ EXPERIMENTS = (
                 systems.figure_4,
             ),
         ),
-        repetitions=Repetitions(6, 40),
+        repetitions=Repetitions(4, 40),
     ),
     Experiment(
         PAPER,
@@ -135,7 +135,7 @@ EXPERIMENTS = (
         items=(
             Item("sec. 5, order", "Choice of p and q", "AIC chooses ARMA(2,2)", series_items.order),
         ),
-        repetitions=Repetitions(3, 20),
+        repetitions=Repetitions(2, 20),
     ),
     Experiment(
         PAPER,
@@ -164,7 +164,7 @@ EXPERIMENTS = (
                 series_items.volatility,
             ),
         ),
-        repetitions=Repetitions(6, 40),
+        repetitions=Repetitions(4, 40),
     ),
     Experiment(
         PAPER,
@@ -200,7 +200,7 @@ EXPERIMENTS = (
                 fusion_items.table_4,
             ),
         ),
-        repetitions=Repetitions(3, 20),
+        repetitions=Repetitions(2, 20),
     ),
     Experiment(
         PAPER,

@@ -267,21 +267,22 @@ def run_table_4(seed: int, size: Size) -> Numbers:
     more = TABLE_4_SIGMAS[0] * rng.standard_normal(n)
     methods: tuple[Weights, ...] = ("equal", "ewma", "garch")
     start = round(LEARNING * RATE)
-    found = {name: [] for name in (*methods, "oracle")}
+    found: dict[str, list[float]] = {name: [] for name in (*methods, "oracle")}
     for a in FACTORS:
         disturbed = noise.copy()
         disturbed[:, 0, 0] += a * wave * more
         for name in methods:
-            found[name].append(_fused(disturbed, name)[:, 0].std())
+            found[name].append(float(_fused(disturbed, name)[:, 0].std()))
         variance = np.tile(TABLE_4_SIGMAS**2, (n, 1))
         variance[:, 0] *= 1.0 + (a * wave) ** 2
         weight = (1.0 / variance) / (1.0 / variance).sum(axis=1, keepdims=True)
-        found["oracle"].append((weight * disturbed[:, :, 0]).sum(axis=1)[start:].std())
+        fused = (weight * disturbed[:, :, 0]).sum(axis=1)
+        found["oracle"].append(float(fused[start:].std()))
     return numbers(**found)
 
 
 def run_one_varies(seed: int, size: Size) -> Numbers:
-    """One gyro of four varies by Table 2's GARCH: whose variance does each method show?
+    """Let one gyro of four vary by Table 2's GARCH, and see whose variance each method shows.
 
     Parameters
     ----------
@@ -302,7 +303,7 @@ def run_one_varies(seed: int, size: Size) -> Numbers:
     learning = n // 4
     sensors = redundant_sensors(gyros_at_rest(noise), "gyro")
     begin = time.process_time()
-    garch = conditional_noise(sensors, learning).variance[:, 0]
+    garch = conditional_noise(sensors, learning, OnlineSettings()).variance[:, 0]
     garch_seconds = time.process_time() - begin
     begin = time.process_time()
     averaged = window_volatility(noise, 50, causal=True).variance
@@ -329,7 +330,9 @@ def run_one_varies(seed: int, size: Size) -> Numbers:
     ]
     outlier = [
         window_volatility(dirty, 50, causal=True).variance[after].mean() / averaged[after].mean(),
-        conditional_noise(redundant_sensors(gyros_at_rest(dirty), "gyro"), learning)
+        conditional_noise(
+            redundant_sensors(gyros_at_rest(dirty), "gyro"), learning, OnlineSettings()
+        )
         .variance[after, 0]
         .mean()
         / garch[after].mean(),

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.studies.experiment import Results, Size, estimate, stacked
-from schuler.studies.outcome import Band, Curve, Estimate, Outcome, Panel, Row
+from schuler.studies.outcome import Band, Curve, Estimate, Outcome, Panel, Role, Row
 from schuler.studies.waegli2010.arithmetic import TABLE_4
 from schuler.studies.waegli2010.fusion import BIAS, FACTORS, HALF_WINDOWS, WINDOWS
 
 FloatArray = NDArray[np.float64]
+_AXES: tuple[Role, ...] = ("x", "y", "z")
+_METHODS: tuple[Role, ...] = ("paper", "z", "ours", "theory")
 SENSORS = ("MTi 1", "MTi 2", "MTi 3", "MTi 14")
 
 
@@ -228,7 +230,7 @@ def figure_7(results: Results, size: Size) -> Outcome:
     first = results[0]
     curves = [
         Curve(f"T = {half}", first["step_time"], first["step"][k], role)
-        for k, (half, role) in enumerate(zip(HALF_WINDOWS, ("x", "y", "z"), strict=True))
+        for k, (half, role) in enumerate(zip(HALF_WINDOWS, _AXES, strict=True))
     ]
     curves.append(Curve("truth", first["step_time"], first["step_level"], "theory", "dash"))
     panel = Panel(
@@ -326,7 +328,7 @@ def table_4(results: Results, size: Size) -> Outcome:
     places = np.array(FACTORS)
     curves = [
         Curve(words, places, values[name].mean(axis=0), role)
-        for (name, words), role in zip(names.items(), ("paper", "z", "ours", "theory"), strict=True)
+        for (name, words), role in zip(names.items(), _METHODS, strict=True)
     ]
     curves += [
         Curve("printed: synthetic", places, TABLE_4["synthetic"], "printed", "points"),

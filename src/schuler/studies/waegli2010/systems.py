@@ -18,7 +18,7 @@ from schuler.data import CHANNELS
 from schuler.data.array import ImuArray
 from schuler.evaluate.outages import judge_window
 from schuler.fuse.geometry import tetrahedron, tetrahedron_mounting
-from schuler.navigate.mechanizations import MECHANIZATIONS, navigate_array
+from schuler.navigate.mechanizations import MECHANIZATIONS, Mechanization, navigate_array
 from schuler.processes import GaussMarkov, RandomWalk, WhiteNoise
 from schuler.processes.noise_model import NoiseModel
 from schuler.simulate import motorcycle, simulate_array, simulate_gnss
@@ -33,7 +33,7 @@ from schuler.studies.experiment import (
 from schuler.studies.outcome import Band, Curve, Estimate, Outcome, Panel, Row
 from schuler.studies.waegli2010.series import PAPER
 
-NAMES = ("single", "system", "synthetic", "extended", "constrained")
+NAMES: tuple[Mechanization, ...] = ("single", "system", "synthetic", "extended", "constrained")
 RATE = 50.0
 STANDSTILL = 40.0
 OUTAGE = 15.0
