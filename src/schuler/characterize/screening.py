@@ -26,8 +26,8 @@ class Finding:
     Parameters
     ----------
     kind : str
-        "rate", "gap", "repeated rows", "stuck axis", "saturation", "knock", "outlier",
-        "heavy tails", "units", "gravity", "grid", "rest", "channels", "source of rate".
+        "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "saturation", "knock",
+        "outlier", "heavy tails", "units", "gravity", "grid", "rest", "channels", "source of rate".
     severity : {"info", "warning", "error"}
         An error makes results wrong; a warning can.
     message : str
@@ -38,6 +38,8 @@ class Finding:
         First and last second concerned, on the recording's time axis.
     value : float or None
         The number behind it, SI.
+    cure : str
+        What the user can do about it; empty where the message says all.
     """
 
     kind: str
@@ -46,6 +48,12 @@ class Finding:
     channels: tuple[str, ...] = ()
     intervals: tuple[tuple[float, float], ...] = ()
     value: float | None = None
+    cure: str = ""
+
+    @property
+    def text(self) -> str:
+        """Message and cure in one line."""
+        return f"{self.message}; {self.cure}" if self.cure else self.message
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
@@ -56,6 +64,7 @@ class Finding:
             "channels": list(self.channels),
             "intervals_s": [list(i) for i in self.intervals],
             "value": self.value,
+            "cure": self.cure,
         }
 
 
@@ -178,6 +187,7 @@ def screen(imu: ImuRecording) -> Screening:
     """
     from schuler.characterize import screening_motion as motion
     from schuler.characterize import screening_rows as rows
+    from schuler.characterize import screening_stuck as stuck
     from schuler.characterize import screening_values as values
 
     steps = rows.look_at_steps(imu)
@@ -188,6 +198,7 @@ def screen(imu: ImuRecording) -> Screening:
         *steps.findings,
         *rows.findings_on_rows(imu, repeated),
         *values.stuck_axes(imu),
+        *stuck.findings_on_stuck(imu, stuck.stuck_intervals(imu)),
         *values.saturation(imu),
         *disturbances,
         *values.suspected_units(imu, still),

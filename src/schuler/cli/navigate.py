@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,7 +60,7 @@ def navigate(
     reading : DriveReading, optional
         How to read the files.
     """
-    from schuler.cli.console import Screen
+    from schuler.cli.console import Screen, say
     from schuler.cli.loading import load_noise, say_when_compiling, title_of
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
@@ -95,7 +96,10 @@ def navigate(
     outputs.text(json, lambda: json_text(navigation_summary(causal, smoothed)))
     written = outputs.commit()
     show_navigation(Screen(json_on_stdout=json == STDOUT), causal, smoothed, written)
-    return 0
+    doubts = [f for f in causal.settings["findings"] if f["severity"] == "error"]
+    for doubt in doubts:
+        say(f"check failed: {doubt['message']}")
+    return 1 if doubts else 0
 
 
 def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecording, GnssRecording]:
@@ -137,6 +141,10 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
     screening.require_usable()
     if reading.repair:
         recording = repair(recording, screening)
+    if reading.flip:
+        from schuler.navigate.diagnosis import check_flip, flipped
+
+        recording = flipped(recording, check_flip(reading.flip))
     return recording, fixes
 
 
@@ -201,7 +209,8 @@ def navigation_summary(
         "causal": answer(causal),
         "smoothed": None if smoothed is None else answer(smoothed),
         "updates": updates,
-        "settings": causal.settings,
+        "findings": causal.settings["findings"],
+        "settings": {k: v for k, v in causal.settings.items() if k != "findings"},
     }
 
 
@@ -256,5 +265,21 @@ def show_navigation(
         for kind, u in updates.items()
     ]
     screen.table(("measurement", "updates", "kept out", "mean NIS a degree (1 is honest)"), counts)
+    show_findings(screen, causal.settings["findings"])
     for path in written:
         screen.line(f"wrote {path}", "dim")
+
+
+def show_findings(screen: Screen, findings: Sequence[dict[str, Any]]) -> None:
+    """Print what the filter saw on the way, each with its cure.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    findings : sequence of dict
+        As `Finding.to_dict` leaves them.
+    """
+    for finding in findings:
+        cure = f"; {finding['cure']}" if finding["cure"] else ""
+        screen.finding(finding["severity"], finding["message"] + cure)

@@ -196,6 +196,7 @@ def show_outages(
     written : tuple of Path
         Files that were written.
     """
+    from schuler.cli.navigate import show_findings
     from schuler.report.numbers import number, percent
 
     answers = [("causal", evaluation.causal), ("smoothed", evaluation.smoothed)]
@@ -238,5 +239,7 @@ def show_outages(
     screen.table(columns, each[:MOST_ROWS], words=0)
     if len(each) > MOST_ROWS:
         screen.line(f"... and {len(each) - MOST_ROWS} more (--json or --report has all)", "dim")
+    findings = evaluation.runs[0]["findings"] if evaluation.runs else []
+    show_findings(screen, [f for f in findings if f["kind"] != "GNSS outage"])
     for path in written:
         screen.line(f"wrote {path}", "dim")

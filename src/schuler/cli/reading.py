@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
 
 from schuler.errors import InputError
 
@@ -153,6 +155,10 @@ class DriveReading:
     repair : bool
         Leave out rows that cannot be used (NaN, time that repeats or goes backwards, a last line
         that was cut off), and repair what the screening finds.
+    flip : tuple of str
+        Turn the sign of a channel (gyro_x, ..., accel_z) or of all three (gyro, accel): for logs
+        with a wrong axis, or accelerometers that show gravity instead of specific force. May be
+        repeated.
     """
 
     imu_column: tuple[str, ...] = ()
@@ -170,6 +176,7 @@ class DriveReading:
     gnss_position_sd: float | None = None
     gnss_velocity_sd: float | None = None
     repair: bool = False
+    flip: Annotated[tuple[str, ...], Parameter(negative=())] = ()
 
     def imu_options(self) -> dict[str, Any]:
         """Return the arguments of `read_imu`.

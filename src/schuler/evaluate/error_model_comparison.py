@@ -27,7 +27,7 @@ from schuler.evaluate.outages import (
 from schuler.evaluate.paired import PERCENTAGES, PairedStatistics, paired_statistics
 from schuler.navigate import prepare, run, withhold
 from schuler.navigate.error_models import ErrorModel
-from schuler.navigate.preparation import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigate.running import FALSE_ALARM
 from schuler.navigate.setup import RunSetup
 from schuler.navigate.vehicle import with_vehicle_states

@@ -7,7 +7,7 @@ of row is compared with the state (kernels/update.py).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -90,6 +90,30 @@ class AidingSchedule:
     def size(self) -> int:
         """Number of measurements."""
         return int(self.time.size)
+
+    def select(self, keep: NDArray[np.bool_] | slice) -> AidingSchedule:
+        """Return some of the measurements.
+
+        Parameters
+        ----------
+        keep : (u,) ndarray of bool or slice
+            Which.
+
+        Returns
+        -------
+        AidingSchedule
+            In the same order.
+        """
+        return replace(
+            self,
+            time=self.time[keep],
+            kind=self.kind[keep],
+            value=self.value[keep],
+            variance=self.variance[keep],
+            lever_arm=self.lever_arm[keep],
+            offset_state=self.offset_state[keep],
+            matrix=self.matrix[keep],
+        )
 
 
 class Aiding(Protocol):

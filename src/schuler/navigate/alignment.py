@@ -7,6 +7,7 @@ that GNSS saw. A course alone would need the mounting, and is wrong while the ve
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,19 +16,23 @@ from numpy.typing import NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import NavigationError
 from schuler.navigate.dead_reckoning import dead_reckon
+from schuler.navigate.engine import InitialState
+from schuler.navigate.moving_start import (
+    MOTION_GYRO_SD,
+    MOTION_TILT_SD,
+    attitude_history,
+    forgiving_model,
+    settle_heading,
+    start_in_motion,
+    velocity_doubt,
+)
 from schuler.navigate.rest import REST_GYRO, find_initial_rest, level_from_gravity, moves
-from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector, wahba
+from schuler.rotations import dcm_from_euler
 
 FloatArray = NDArray[np.float64]
 
 # seconds of motion used for the heading, tried in turn
 MATCH_LENGTHS = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
-# seconds used when the recording starts in motion
-MOTION_WINDOW = 20.0
-# rounds of bias from level and level from bias
-MOTION_ROUNDS = 4
-# gyro biases found in motion (rad/s): slopes and leans of the vehicle over the window
-MOTION_GYRO_SD = np.radians(0.5)
 # a heading known worse than this (rad) is no start
 WORST_HEADING = np.radians(10.0)
 # velocity changes are compared over this time (s)
@@ -75,6 +80,7 @@ def align(
     velocity_offset: float = 0.0,
     heading: float | None = None,
     mounting: FloatArray | None = None,
+    lever_arm: FloatArray | None = None,
 ) -> Alignment:
     """Find the attitude at the first sample.
 
@@ -91,6 +97,8 @@ def align(
     mounting : (3, 3) ndarray or None
         Vehicle from IMU; when given, a course over ground can serve where the velocity changes
         are too small.
+    lever_arm : (3,) ndarray or None
+        Antenna from IMU, m; None: zero.
 
     Returns
     -------
@@ -125,11 +133,12 @@ def align(
         )
     if gnss.velocity is None:
         gnss = _with_velocity_from_position(gnss)
+    arm = np.zeros(3) if lever_arm is None else lever_arm
     if rest is None:
-        return _align_in_motion(imu, gnss, velocity_offset, mounting)
+        return _align_in_motion(imu, gnss, velocity_offset, mounting, arm)
     level, bias, bias_sd = _at_rest(imu, gnss, rest)
     yaw, heading_sd, method = _heading_from_motion(
-        imu, gnss, rest, level, bias, velocity_offset, mounting
+        imu, gnss, rest, level, bias, velocity_offset, mounting, arm
     )
     return Alignment(
         rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
@@ -170,6 +179,7 @@ def _heading_from_motion(
     bias: FloatArray,
     offset: float,
     mounting: FloatArray | None,
+    lever_arm: FloatArray,
 ) -> tuple[float, float, str]:
     """Angle about the vertical that takes the levelled frame to north."""
     assert gnss.velocity is not None
@@ -196,6 +206,13 @@ def _heading_from_motion(
             break
     if best is not None and best[1] < WORST_HEADING:
         return best[0], max(best[1], np.radians(0.5)), "heading from the first velocity changes"
+    after = _without_bias(imu.between(first, np.inf), bias)
+    begin_at = _rest_starts(level, gnss.position[near])
+    extra = velocity_doubt(gnss, lever_arm)
+    found_late, stretch = settle_heading(after, gnss, begin_at, lever_arm, offset, extra)
+    if found_late.sd < WORST_HEADING:
+        text = f"heading by hypotheses over {stretch.duration:.0f} s"
+        return found_late.mean, max(found_late.sd, np.radians(1.5)), text
     if mounting is not None:
         yaw, sd = _heading_from_course(part, rotation, gnss, offset, mounting)
         return yaw, sd, "heading from the first GNSS course"
@@ -204,6 +221,26 @@ def _heading_from_motion(
         expected="a start, a brake or a turn in that time",
         cure="give the heading with --heading, or the mounting of the IMU in the vehicle",
         where=gnss.name,
+    )
+
+
+def _rest_starts(level: FloatArray, position: FloatArray) -> Callable[[float], InitialState]:
+    """Initial state at rest for a heading of the levelled frame."""
+    model = forgiving_model()
+    covariance = np.zeros((9 + model.size, 9 + model.size))
+    sd = [10.0, 10.0, 15.0, 0.1, 0.1, 0.1, _tilt_sd(), _tilt_sd(), 1e-3]
+    covariance[:9, :9] = np.diag(np.square(sd))
+    covariance[9:, 9:] = model.initial_covariance
+    for axis in range(3):
+        # the mean rate at rest has been taken off
+        place = 9 + model.constant_states(3 + axis)[0]
+        covariance[place, place] = np.radians(0.05) ** 2
+    return lambda heading: InitialState(
+        position.copy(),
+        np.zeros(3),
+        dcm_from_euler(0.0, 0.0, heading) @ level,
+        np.zeros(model.size),
+        covariance,
     )
 
 
@@ -268,101 +305,42 @@ def _heading_from_course(
 
 
 def _align_in_motion(
-    imu: ImuRecording, gnss: GnssRecording, offset: float, mounting: FloatArray | None
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    offset: float,
+    mounting: FloatArray | None,
+    lever_arm: FloatArray,
 ) -> Alignment:
-    """Attitude from velocity changes alone: a Wahba problem in the frame of the first sample.
-
-    The gyros' bias is what is left of their mean when the turn of the course is taken off: over
-    tens of seconds a vehicle turns about the vertical only.
-    """
-    assert gnss.velocity is not None
-    from schuler.earth import gravity
-
-    window = imu.between(float(imu.time[0]), float(imu.time[0]) + MOTION_WINDOW)
-    time = gnss.time + offset
-    inside = (time > window.time[0]) & (time < window.time[-1])
-    if inside.sum() < 4:
-        raise NavigationError(
-            "less than four GNSS epochs in the first 20 s, and no rest at the start",
-            expected="GNSS velocities from the start, or two seconds at rest",
-            cure="cut the recording to where GNSS is there",
-            where=gnss.name,
-        )
-    epochs, seen = time[inside], gnss.velocity[inside]
-    span = max(1, round(MATCH_SPAN / float(np.median(np.diff(epochs)))))
-    near = gnss.position[int(np.argmax(inside))]
-    pull = np.array([0.0, 0.0, float(gravity(near[0], near[2]))])
-    b = seen[span:] - seen[:-span] - pull * (epochs[span:] - epochs[:-span])[:, None]
-    level = level_from_gravity(window.accel.mean(axis=0))
-    rate, turn = _mean_rates(window, epochs, seen)
-    down = level[2]
-    # curves tilt the mean force: the down of one round puts the bias of the next right
-    for _ in range(MOTION_ROUNDS):
-        bias = rate - down * turn
-        still = _without_bias(window, bias)
-        step = np.diff(still.time, prepend=still.time[0])[:, None]
-        turned = _attitude_history(still.gyro * step)
-        force = np.cumsum(np.einsum("kij,kj->ki", turned, still.accel * step), axis=0)
-        felt = np.column_stack([np.interp(epochs, still.time, force[:, i]) for i in range(3)])
-        a = felt[span:] - felt[:-span]
-        rotation = wahba(b, a)
-        down = np.einsum("kij,i->j", turned, rotation[2]) / turned.shape[0]
-    left = b - a @ rotation.T
-    horizontal = a - np.outer(a @ rotation[2], rotation[2])
-    power = float(np.sum(horizontal**2))
-    heading_sd = float(np.sqrt(span * np.mean(left[:, :2] ** 2) / max(power, 1e-9)))
-    method = "in motion, from velocity changes over the first 20 s"
+    """Attitude by hypotheses; where they do not tell, the course, if the mounting is known."""
+    start = start_in_motion(imu, gnss, offset, lever_arm)
+    rotation, heading_sd = start.rotation, start.heading_sd
+    method = f"in motion, heading by hypotheses over {start.seconds:.0f} s"
     if heading_sd > WORST_HEADING:
         if mounting is None:
             raise NavigationError(
                 "no rest at the start, and too little acceleration to find the attitude in motion "
                 f"(heading known to {np.degrees(heading_sd):.0f} deg)",
-                expected="two seconds at rest, or a start, brake or turn in the first 20 s",
+                expected="two seconds at rest, or a start, brake or turn in the first minutes",
                 cure="cut the recording so that it starts at rest, or give the mounting of the "
                 "IMU in the vehicle with --mounting",
                 where=imu.name,
             )
-        yaw, heading_sd = _heading_from_course(still, level @ turned, gnss, offset, mounting)
-        rotation = dcm_from_euler(0.0, 0.0, yaw) @ level
+        still = start.levelled
+        step = np.diff(still.time, prepend=still.time[0])[:, None]
+        turned = rotation @ attitude_history(still.gyro * step)
+        yaw, heading_sd = _heading_from_course(still, turned, gnss, offset, mounting)
+        rotation = dcm_from_euler(0.0, 0.0, yaw) @ rotation
         method = "in motion, levelled over the first 20 s, heading from the GNSS course"
     return Alignment(
         rotation=rotation,
-        tilt_sd=float(np.radians(3.0)),
-        heading_sd=float(max(2.0 * heading_sd, np.radians(3.0))),
-        gyro_bias=bias,
-        gyro_bias_sd=MOTION_GYRO_SD,
+        tilt_sd=float(MOTION_TILT_SD),
+        heading_sd=float(max(heading_sd, np.radians(1.5))),
+        gyro_bias=start.gyro_bias,
+        gyro_bias_sd=float(MOTION_GYRO_SD),
         rest=None,
         method=method,
-        velocity=seen[0],
+        velocity=start.velocity,
     )
-
-
-def _mean_rates(
-    imu: ImuRecording, time: FloatArray, velocity: FloatArray
-) -> tuple[FloatArray, float]:
-    """Mean of the gyros and of the rate of the course (rad/s) over one and the same time.
-
-    From the first to the last epoch that is fast enough for a course: a slope fitted in between
-    would count a turn in the middle of the time one and a half times.
-    """
-    fast = np.flatnonzero(np.linalg.norm(velocity[:, :2], axis=1) > 2.0)
-    if fast.size < 3:
-        return imu.gyro.mean(axis=0), 0.0
-    first, last = time[fast[0]], time[fast[-1]]
-    course = np.unwrap(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
-    part = imu.between(float(first), float(last))
-    return part.gyro.mean(axis=0), float((course[-1] - course[0]) / (last - first))
-
-
-def _attitude_history(increments: FloatArray) -> FloatArray:
-    """Rotations into the frame of the first sample."""
-    steps = dcm_from_rotation_vector(increments)
-    history = np.empty_like(steps)
-    now = np.eye(3)
-    for k in range(steps.shape[0]):
-        now = now @ steps[k]
-        history[k] = now
-    return history
 
 
 def _without_bias(imu: ImuRecording, bias: FloatArray) -> ImuRecording:

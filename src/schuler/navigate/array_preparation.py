@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.array import ImuArray
+from schuler.errors import NavigationError
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.array_model import (
     Fusion,
@@ -27,13 +28,8 @@ from schuler.navigate.array_model import (
 )
 from schuler.navigate.array_recording import complete_array, fused_recording
 from schuler.navigate.error_model import sensor_error_model
-from schuler.navigate.preparation import (
-    TURN_ON_ACCEL,
-    TURN_ON_GYRO,
-    Progress,
-    generic_noise_model,
-    prepare,
-)
+from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO, generic_noise_model
+from schuler.navigate.preparation import Progress, prepare
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import RunSetup, SensorStart
 from schuler.processes.noise_model import NoiseModel
@@ -162,6 +158,13 @@ def prepare_array(
         turn_on_gyro=turn_on_gyro,
         progress=progress,
     )
+    broken = [u for u in setup.condition.unseen if u.gap] or setup.condition.restarts
+    if broken:
+        raise NavigationError(
+            "; ".join(f.message for f in setup.condition.findings if f.kind == "gap"),
+            expected="an array recording without gaps",
+            cure="navigate the parts before and after by themselves",
+        )
     if recording.size != whole.size:
         after = np.nextafter(recording.time[-1], np.inf)
         whole = whole.between(float(recording.time[0]), float(after))

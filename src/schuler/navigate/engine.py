@@ -180,19 +180,32 @@ class FilterRun:
         At every node; without what the smoother needs where that is computed once more.
     log_likelihood : float
         Of the accepted measurements.
+    final : InitialState
+        The state at the end.
     checkpoints : Checkpoints or None
         Where to compute nodes from once more.
+    pieces : tuple of FilterRun
+        Runs that this one was joined from (navigate/pieces.py), each kept by itself for the
+        smoother; usually empty.
+    breaks : tuple of (m, m) ndarray
+        Transition of the sensor states between one piece and the next; of the navigation states
+        nothing comes across.
     """
 
     samples: SampleOutputs
     aiding: AidingOutputs
     nodes: NodeOutputs
     log_likelihood: float
+    final: InitialState
     checkpoints: Checkpoints | None = None
+    pieces: tuple[FilterRun, ...] = ()
+    breaks: tuple[FloatArray, ...] = ()
 
     @property
     def smoother_bytes(self) -> int:
         """Bytes kept for the smoother."""
+        if self.pieces:
+            return sum(piece.smoother_bytes for piece in self.pieces)
         if self.checkpoints is not None:
             return self.checkpoints.bytes
         nodes, aiding = self.nodes, self.aiding
@@ -202,6 +215,8 @@ class FilterRun:
     @property
     def smoothable(self) -> bool:
         """Whether the run kept what the smoother needs."""
+        if self.pieces:
+            return all(piece.smoothable for piece in self.pieces)
         kept = self.nodes.covariance.size > 0 or self.checkpoints is not None
         return kept and self.samples.position.size > 0
 
@@ -345,11 +360,13 @@ def run_engine(
             stepper, tuple(starts), (*before, count), memories, counters, inputs
         )
     rows = {f: getattr(nodes, f) for f in NodeOutputs.__dataclass_fields__}
+    position, velocity, rotation, sensor_state, covariance = (v.copy() for v in stepper.views())
     return FilterRun(
         samples=samples,
         aiding=aiding,
         nodes=NodeOutputs(**{f: a[:count] for f, a in rows.items()}),
         log_likelihood=stepper.log_likelihood,
+        final=InitialState(position, velocity, rotation, sensor_state, covariance),
         checkpoints=checkpoints,
     )
 

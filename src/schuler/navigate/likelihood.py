@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigate.engine import gate_thresholds, run_engine
+from schuler.navigate.engine import gate_thresholds
+from schuler.navigate.pieces import run_in_pieces
 from schuler.navigate.setup import RunSetup
 
 FloatArray = NDArray[np.float64]
@@ -133,10 +134,13 @@ def innovations(
     scale = None
     if level is not None and setup.vibration.active:
         scale = setup.vibration.white_scale(level)
+    scale = setup.condition.noise_scale(imu.time, scale, setup.model.white_density)
+    restarts = setup.restarts(gnss[0])
     scalars = [
-        run_engine(
+        run_in_pieces(
             imu,
             initial,
+            restarts,
             setup.model,
             setup.schedule(imu, fixes),
             gate=gate,

@@ -22,9 +22,10 @@ from schuler.navigate.array_model import Fusion, extended_model, fused_model
 from schuler.navigate.array_preparation import PreparedArray, merged_start, prepare_array
 from schuler.navigate.array_solution import mean_trajectory, moved, moved_solution
 from schuler.navigate.engine import gate_thresholds
+from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigate.navigation import withhold
 from schuler.navigate.parity import Parity
-from schuler.navigate.preparation import TURN_ON_ACCEL, TURN_ON_GYRO, Progress, prepare
+from schuler.navigate.preparation import Progress, prepare
 from schuler.navigate.running import FALSE_ALARM, run
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import RunSetup

@@ -11,13 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
 from schuler.navigate.engine import SMOOTHER_MEMORY
-from schuler.navigate.preparation import (
-    TURN_ON_ACCEL,
-    TURN_ON_GYRO,
-    Progress,
-    generic_noise_model,
-    prepare,
-)
+from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO, generic_noise_model
+from schuler.navigate.preparation import Progress, prepare
 from schuler.navigate.running import FALSE_ALARM, run
 from schuler.processes.noise_model import NoiseModel
 

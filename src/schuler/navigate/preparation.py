@@ -9,15 +9,23 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.characterize.screening import Finding
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
 from schuler.navigate.aiding import require_overlap
-from schuler.navigate.alignment import align
-from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
+from schuler.navigate.alignment import Alignment, align
+from schuler.navigate.condition import DriveCondition
+from schuler.navigate.coping import align_pieces, split_at_unseen
+from schuler.navigate.diagnosis import BAD, DOUBTFUL, LONGEST, Trial, find_slip, try_drive
+from schuler.navigate.drive_screening import screen_drive
+from schuler.navigate.engine import InitialState
+from schuler.navigate.error_model import sensor_error_model
+from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO, generic_noise_model
 from schuler.navigate.likelihood import slower_imu
 from schuler.navigate.mounting import estimate_mounting
 from schuler.navigate.rest import find_initial_rest
 from schuler.navigate.running import run
+from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigate.timing import find_time_offset, velocity_lag
 from schuler.navigate.tuning import tune
@@ -26,26 +34,6 @@ from schuler.processes.noise_model import NoiseModel
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
-
-# switch-on constants of consumer MEMS: 30 mg, 0.5 deg/s
-TURN_ON_ACCEL = 0.3
-TURN_ON_GYRO = float(np.radians(0.5))
-
-
-def generic_noise_model() -> NoiseModel:
-    """Where tuning starts when nobody says anything about the sensor: a consumer MEMS in a car.
-
-    Returns
-    -------
-    NoiseModel
-        White noise with vibration and a random walk on every channel.
-    """
-    from schuler.processes import RandomWalk, WhiteNoise
-
-    accel = WhiteNoise(5e-3) + RandomWalk(5e-4)
-    gyro = WhiteNoise(1e-3) + RandomWalk(2e-5)
-    processes = {f"{s}_{a}": p for s, p in (("gyro", gyro), ("accel", accel)) for a in "xyz"}
-    return NoiseModel(processes=processes, source="generic consumer MEMS, to be tuned")
 
 
 def prepare(
@@ -74,7 +62,16 @@ def prepare(
     constraints = check_constraints(aiding)
     _check_inputs(imu, gnss)
     arm = np.asarray(lever_arm, dtype=np.float64)
+    imu, condition = screen_drive(
+        imu,
+        gnss,
+        mounting=mounting,
+        time_offset=None if isinstance(time_offset, str) else float(np.max(time_offset)),
+    )
+    gnss = condition.usable(gnss)
     imu = _from_first_fix(imu, gnss)
+    pieces, short = split_at_unseen(imu, condition.unseen)
+    condition = replace(condition, unseen=short)
     tuned = noise_model is None if tune_noise is None else tune_noise
     base = sensor_error_model(
         noise_model or generic_noise_model(),
@@ -85,20 +82,37 @@ def prepare(
     estimate = time_offset == "estimate"
     offsets = _given_offsets(time_offset, gnss)
     say("aligning")
-    start = align(imu, gnss, velocity_offset=offsets.velocity, heading=heading, mounting=mounting)
-    setup = RunSetup(base, NoiseFactors.none(), offsets, start, arm)
+
+    def align_one(piece: ImuRecording, velocity_offset: float, first: bool) -> Alignment:
+        return align(
+            piece,
+            gnss,
+            velocity_offset=velocity_offset,
+            heading=heading if first else None,
+            mounting=mounting,
+            lever_arm=arm,
+        )
+
+    def aligned(velocity_offset: float) -> tuple[ImuRecording, Alignment, DriveCondition]:
+        return align_pieces(
+            pieces, lambda piece, first: align_one(piece, velocity_offset, first), condition
+        )
+
+    imu, start, coping = aligned(offsets.velocity)
+    setup = RunSetup(base, NoiseFactors.none(), offsets, start, arm, condition=coping)
+    if not estimate:
+        coping = _require_fit(imu, gnss, setup, align_one)
+        setup = replace(setup, condition=coping)
     if not (estimate or tuned):
         return imu, _aided(imu, gnss, setup, constraints, mounting, say)
     if estimate:
         say("looking for the time offset")
         rough = _rough(base) if tuned else base
-        shift = find_time_offset(
-            slower_imu(imu), gnss, RunSetup(rough, NoiseFactors.none(), offsets, start, arm)
-        )
+        shift = find_time_offset(slower_imu(imu), gnss, replace(setup, model=rough))
         offsets = TimeOffsets(offsets.position + shift, offsets.velocity + shift)
-        start = align(
-            imu, gnss, velocity_offset=offsets.velocity, heading=heading, mounting=mounting
-        )
+        imu, start, coping = aligned(offsets.velocity)
+        setup = replace(setup, offsets=offsets, alignment=start, condition=coping)
+        coping = _require_fit(imu, gnss, setup, align_one)
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
     found = tune(
         imu,
@@ -107,11 +121,65 @@ def prepare(
         offsets=offsets,
         alignment=start,
         lever_arm=arm,
+        condition=coping,
         tune_noise=tuned,
         tune_offsets=estimate,
         progress=progress,
     )
     return imu, _aided(imu, gnss, found.setup, constraints, mounting, say)
+
+
+def _require_fit(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    align_one: Callable[[ImuRecording, float, bool], Alignment],
+) -> DriveCondition:
+    """Stop when the IMU cannot have felt what GNSS saw and a slip explains it; say it if none."""
+    if gnss.velocity is None:
+        return setup.condition
+    part = imu.between(float(imu.time[0]), float(imu.time[0]) + LONGEST)
+    restarts = [r for r in setup.restarts(gnss) if r[0] < part.time[-1] - 1.0]
+    offset = setup.offsets.velocity
+
+    def tried(
+        recording: ImuRecording, alignment: Alignment, later: Sequence[tuple[float, InitialState]]
+    ) -> Trial:
+        state = replace(setup, alignment=alignment).initial_state(recording, gnss)
+        return try_drive(
+            recording,
+            gnss,
+            state,
+            later,
+            gyro_bias=alignment.gyro_bias,
+            lever_arm=setup.lever_arm,
+            velocity_offset=offset,
+        )
+
+    trial = tried(part, setup.alignment, restarts)
+    if trial.misfit < DOUBTFUL:
+        return setup.condition
+    first = part.between(float(part.time[0]), setup.condition.first_break)
+    here = tried(first, setup.alignment, ())
+    slip = find_slip(first, here, lambda other: tried(other, align_one(other, offset, True), ()))
+    if slip is not None:
+        raise NavigationError(
+            f"the IMU did not feel what GNSS saw; it would have if {slip.name}",
+            expected="right-handed axes, rates in rad/s and specific force in m/s^2",
+            cure=slip.cure,
+            where=imu.name,
+        )
+    if trial.misfit < BAD:
+        return setup.condition
+    finding = Finding(
+        "disagreement",
+        "warning",
+        "IMU and GNSS do not fit each other, even with forgiving noise (innovations "
+        f"{np.sqrt(trial.misfit):.1f} times what they should be)",
+        value=trial.misfit,
+        cure="check time offset, lever arm, axes and units",
+    )
+    return replace(setup.condition, findings=(*setup.condition.findings, finding))
 
 
 def _aided(

@@ -29,10 +29,11 @@ from schuler.navigate.engine import (
     FilterRun,
     SampleOutputs,
     gate_thresholds,
-    run_engine,
 )
 from schuler.navigate.lagged import smooth_run_with_lag
 from schuler.navigate.mounting import estimate_mounting
+from schuler.navigate.pieces import pieces_of, run_in_pieces
+from schuler.navigate.run_findings import findings_of_run
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import RunSetup
 from schuler.navigate.smoother import SmoothedRun, smooth_run
@@ -109,16 +110,31 @@ def run(
     scale = setup.white_scale(imu) if white_scale is None else white_scale
     wheel: dict[str, Any] = {}
     if setup.vehicle is not None and "wheel" in setup.vehicle.constraints:
-        heard = find_wheel_speeds(
-            imu, initial, setup.model, schedule, vehicle, gate=gate, white_scale=scale
-        )
+        heard = [
+            find_wheel_speeds(
+                piece.imu,
+                piece.start,
+                setup.model,
+                piece.schedule,
+                vehicle,
+                gate=gate,
+                white_scale=piece.white_scale,
+            )
+            for piece in pieces_of(imu, initial, setup.restarts(gnss), schedule, scale)
+        ]
         schedule = merge_schedules(
-            [schedule, heard.rows(setup.model)], float(imu.time[0]), float(imu.time[-1])
+            [schedule, *(h.rows(setup.model) for h in heard)],
+            float(imu.time[0]),
+            float(imu.time[-1]),
         )
-        wheel = {"wheel_turns_per_metre": heard.order, "wheel_speeds": heard.time.size}
-    result = run_engine(
+        wheel = {
+            "wheel_turns_per_metre": heard[0].order,
+            "wheel_speeds": sum(h.time.size for h in heard),
+        }
+    result = run_in_pieces(
         imu,
         initial,
+        setup.restarts(gnss),
         setup.model,
         schedule,
         gate=gate,
@@ -138,6 +154,9 @@ def run(
             "gate_false_alarm": false_alarm,
             "nis_over_degrees": innovations.gnss.mean_nis,
             "updates_refused": int((~result.aiding.accepted & (result.aiding.degrees > 0)).sum()),
+            "findings": [
+                f.to_dict() for f in (*setup.condition.findings, *findings_of_run(innovations))
+            ],
         }
     )
     nodes = result.nodes

@@ -20,6 +20,7 @@ from schuler.navigate.aiding import (
     merge_schedules,
 )
 from schuler.navigate.alignment import Alignment
+from schuler.navigate.condition import SOUND, DriveCondition
 from schuler.navigate.sensor_states import FILTER_CHANNELS, SensorErrorModel
 from schuler.navigate.stepping import InitialState
 from schuler.navigate.vehicle import VehicleConstraint
@@ -126,6 +127,8 @@ class RunSetup:
         Of the first states of the model; None: from model and alignment.
     sources : tuple of Aiding
         Measurements besides GNSS and vehicle: parity, for instance.
+    condition : DriveCondition
+        What the drive suffers from, and how the filter copes.
     """
 
     model: SensorErrorModel
@@ -137,6 +140,7 @@ class RunSetup:
     vehicle: VehicleConstraint | None = None
     sensor_start: SensorStart | None = None
     sources: tuple[Aiding, ...] = ()
+    condition: DriveCondition = SOUND
 
     def white_scale(self, imu: ImuRecording) -> FloatArray | None:
         """Return what multiplies the squared white-noise densities sample by sample.
@@ -151,9 +155,10 @@ class RunSetup:
         (n, 6) ndarray or None
             None where the noise is constant.
         """
-        if not self.vibration.active:
-            return None
-        return self.vibration.white_scale(vibration_level(imu))
+        scale = None
+        if self.vibration.active:
+            scale = self.vibration.white_scale(vibration_level(imu))
+        return self.condition.noise_scale(imu.time, scale, self.model.white_density)
 
     def schedule(self, imu: ImuRecording, gnss: GnssRecording) -> AidingSchedule:
         """Return all measurements that fall inside the IMU's time.
@@ -170,6 +175,7 @@ class RunSetup:
         AidingSchedule
             Positions, velocities and the vehicle's constraints.
         """
+        gnss = self.condition.usable(gnss)
         sources: tuple[Aiding, ...] = (
             GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
             GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
@@ -177,7 +183,11 @@ class RunSetup:
         rows = [s.rows() for s in (*sources, *self.sources)]
         if self.vehicle is not None:
             rows += self.vehicle.rows(imu, self.model.white_density[3:])
-        return merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
+        merged = merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
+        for restart in self.condition.restarts:
+            between = (merged.time > restart.begin) & (merged.time < restart.time)
+            merged = merged.select(~between)
+        return merged
 
     def initial_state(self, imu: ImuRecording, gnss: GnssRecording) -> InitialState:
         """Return the state and covariance at the first sample.
@@ -194,9 +204,30 @@ class RunSetup:
         InitialState
             For `run_engine`.
         """
-        start, model = self.alignment, self.model
-        near = int(np.argmin(np.abs(gnss.time + self.offsets.position - imu.time[0])))
-        away = abs(float(gnss.time[near] + self.offsets.position - imu.time[0]))
+        return self._state_at(float(imu.time[0]), self.alignment, gnss)
+
+    def restarts(self, gnss: GnssRecording) -> list[tuple[float, InitialState]]:
+        """Return where the filter begins anew, and with what.
+
+        Parameters
+        ----------
+        gnss : GnssRecording
+            Its epoch near each restart gives the position.
+
+        Returns
+        -------
+        list of (float, InitialState)
+            For `run_in_pieces`; usually empty.
+        """
+        return [
+            (r.time, self._state_at(r.time, r.alignment, gnss)) for r in self.condition.restarts
+        ]
+
+    def _state_at(self, time: float, start: Alignment, gnss: GnssRecording) -> InitialState:
+        """Position of the nearest fix, the rest from an alignment."""
+        gnss, model = self.condition.usable(gnss), self.model
+        near = int(np.argmin(np.abs(gnss.time + self.offsets.position - time)))
+        away = abs(float(gnss.time[near] + self.offsets.position - time))
         speed = float(np.linalg.norm(start.velocity))
         assert gnss.position_sd is not None
         sd = np.where(np.isfinite(gnss.position_sd[near]), gnss.position_sd[near], 10.0)

@@ -62,7 +62,7 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     """
     from schuler.kernels.smoother import smooth_nodes
 
-    nodes, aiding = run.nodes, run.aiding
+    nodes = run.nodes
     if not run.smoothable:
         raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
     count, s = nodes.size, 9 + model.size
@@ -71,27 +71,33 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     variance = np.empty((count, s))
     adjoint, information = np.zeros(s), np.zeros((s, s))
     block = model.layout().block
-    for part in run.stretches_back():
-        smooth_nodes(
-            part.first,
-            part.stop,
-            adjoint,
-            information,
-            part.nodes.covariance,
-            part.nodes.top,
-            part.nodes.transition,
-            part.nodes.aid,
-            block,
-            aiding.accepted,
-            part.row,
-            part.gain,
-            aiding.scalar,
-            error,
-            position,
-            variance,
-        )
-        own = np.arange(part.first, part.stop)
-        fed_back[own] = part.nodes.error[own % len(part.nodes.error), :9]
+    pieces = run.pieces or (run,)
+    begins = np.cumsum([0, *(piece.nodes.size for piece in pieces)])
+    for p in range(len(pieces) - 1, -1, -1):
+        piece, begin = pieces[p], begins[p]
+        for part in piece.stretches_back():
+            smooth_nodes(
+                part.first,
+                part.stop,
+                adjoint,
+                information,
+                part.nodes.covariance,
+                part.nodes.top,
+                part.nodes.transition,
+                part.nodes.aid,
+                block,
+                piece.aiding.accepted,
+                part.row,
+                part.gain,
+                piece.aiding.scalar,
+                error[begin:],
+                position[begin:],
+                variance[begin:],
+            )
+            own = np.arange(part.first, part.stop)
+            fed_back[begin + own] = part.nodes.error[own % len(part.nodes.error), :9]
+        if p > 0:
+            _back_over_break(adjoint, information, run.breaks[p - 1])
     sd = np.sqrt(variance)
     before = np.clip(np.searchsorted(nodes.time, time, side="right") - 1, 0, count - 2)
     span = nodes.time[before + 1] - nodes.time[before]
@@ -113,6 +119,14 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
         sensor_state=nodes.sensor_state + error[:, 9:],
         sensor_sd=sd[:, 9:],
     )
+
+
+def _back_over_break(adjoint: FloatArray, information: FloatArray, sensor: FloatArray) -> None:
+    """Take the adjoint variables over a break, in place: only the sensor states come across."""
+    adjoint[:9] = 0.0
+    adjoint[9:] = sensor.T @ adjoint[9:]
+    information[:9], information[:, :9] = 0.0, 0.0
+    information[9:, 9:] = sensor.T @ information[9:, 9:] @ sensor
 
 
 def corrected_samples(

@@ -10,6 +10,9 @@ from schuler.data import GnssRecording, ImuRecording
 from schuler.navigate.likelihood import innovations
 from schuler.navigate.setup import RunSetup, TimeOffsets
 
+# searches around the edge of the one before
+WIDENINGS = 3
+
 
 def velocity_lag(gnss: GnssRecording) -> float:
     """Delay of a receiver's velocity behind its position, from GNSS alone.
@@ -63,7 +66,7 @@ def find_time_offset(
     setup : RunSetup
         Its offsets are the centre of the search.
     reach : float
-        Largest offset looked for, s.
+        Offsets looked for at first, s; where the best lies at the edge, the search goes on there.
 
     Returns
     -------
@@ -75,12 +78,17 @@ def find_time_offset(
         offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
         return innovations(imu, [gnss], replace(setup, offsets=offsets)).log_likelihood
 
-    shifts = np.arange(-reach, reach + 0.05, 0.1)
-    values = np.array([value(float(s)) for s in shifts])
-    best = int(np.argmax(values))
-    if 0 < best < shifts.size - 1:
-        left, top, right = values[best - 1 : best + 2]
-        bend = left - 2.0 * top + right
-        if bend < 0.0:
-            return float(shifts[best] + 0.05 * (left - right) / bend)
+    centre = 0.0
+    for _ in range(WIDENINGS):
+        shifts = centre + np.arange(-reach, reach + 0.05, 0.1)
+        values = np.array([value(float(s)) for s in shifts])
+        best = int(np.argmax(values))
+        if 0 < best < shifts.size - 1:
+            left, top, right = values[best - 1 : best + 2]
+            bend = left - 2.0 * top + right
+            if bend < 0.0:
+                return float(shifts[best] + 0.05 * (left - right) / bend)
+            break
+        # at the edge: the best may lie beyond
+        centre = float(shifts[best])
     return float(shifts[best])

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
 from schuler.navigate.alignment import Alignment
+from schuler.navigate.condition import SOUND, DriveCondition
 from schuler.navigate.likelihood import InnovationSequence, innovations, slower_imu, thin
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -86,6 +87,7 @@ def tune(
     offsets: TimeOffsets,
     alignment: Alignment,
     lever_arm: FloatArray,
+    condition: DriveCondition = SOUND,
     tune_noise: bool,
     tune_offsets: bool,
     progress: Callable[[str], None] | None = None,
@@ -131,7 +133,7 @@ def tune(
     level = level_at(slow.time, imu, vibration_level(imu)) if tune_noise else None
     thinned = [thin(gnss, interval) for interval in THINNING]
     thinned = [g for g in thinned if g.size >= 10]
-    start = RunSetup(base, NoiseFactors.none(), offsets, alignment, lever_arm)
+    start = RunSetup(base, NoiseFactors.none(), offsets, alignment, lever_arm, condition=condition)
     names = _free_parameters(gnss, tune_noise, tune_offsets)
     prior, floor = np.array([_prior_and_floor(n) for n in names]).T
     calls = 0

@@ -15,6 +15,7 @@ from schuler.errors import InputError
 from schuler.report.blocks import Facts, Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, limits, line, marks, shaded
 from schuler.report.numbers import duration, number
+from schuler.report.sections.condition import condition_section
 from schuler.report.sections.filtering import innovation_section, sensor_error_section
 from schuler.report.sections.registry import register
 from schuler.report.sections.uncertainty import uncertainty_section
@@ -106,8 +107,10 @@ def run_sections(run: NavigationResults) -> tuple[Section, ...]:
     origin_time = float(run.best.trajectory.time[0])
     spans = tuple((a - origin_time, b - origin_time) for a, b in run.outages)
     filtered = run.causal or run.best
+    seen = filtered.settings.get("findings")
     return (
         _track_section(run, spans),
+        *(() if seen is None else (condition_section(seen),)),
         uncertainty_section(run.solutions, run.truth, spans),
         innovation_section(filtered, spans),
         *sensor_error_section(filtered, run.smoothed, spans),
