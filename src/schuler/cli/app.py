@@ -19,6 +19,7 @@ from schuler.cli.export import export
 from schuler.cli.navigate import navigate
 from schuler.cli.outages import outages
 from schuler.cli.reproduce import reproduce
+from schuler.cli.simulate import simulate
 from schuler.cli.warm import warm
 from schuler.errors import SchulerError
 
@@ -40,7 +41,7 @@ app = App(
     default_parameter=Parameter(negative=(), show_default=_show_default),
     suppress_keyboard_interrupt=False,
 )
-for _command in (demo, characterize, navigate, outages, export, reproduce, warm):
+for _command in (demo, characterize, navigate, outages, simulate, export, reproduce, warm):
     app.command(_command)
 
 

@@ -171,16 +171,14 @@ class GnssRecording:
             )
         return changed
 
-    def to_parquet(self, path: str | Path) -> None:
-        """Write a Parquet file with the columns that `read_gnss` understands.
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return named columns that `read_gnss` understands.
 
-        Parameters
-        ----------
-        path : str or Path
-            File to write; it appears only when it is complete.
+        Returns
+        -------
+        dict of str to (n,) ndarray
+            Units are in the names.
         """
-        from schuler.data.table import write_parquet
-
         columns = {
             "time_s": self.time,
             "latitude_deg": np.degrees(self.position[:, 0]),
@@ -195,4 +193,16 @@ class GnssRecording:
                 columns[f"vel_std_{axis}_m_s"] = self.velocity_sd[:, k]
         if self.quality is not None:
             columns["fix_quality"] = self.quality.astype(np.float64)
-        write_parquet(path, columns)
+        return columns
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write a Parquet file with the columns that `read_gnss` understands.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; it appears only when it is complete.
+        """
+        from schuler.data.table import write_parquet
+
+        write_parquet(path, self.to_columns())

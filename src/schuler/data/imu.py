@@ -169,6 +169,21 @@ class ImuRecording:
             index=pandas.Index(self.time, name="time_s"),
         )
 
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return named columns that `read_imu` understands.
+
+        Returns
+        -------
+        dict of str to (n,) ndarray
+            Units are in the names.
+        """
+        unit = {"g": "rad_s", "a": "m_s2"}
+        columns = {"time_s": self.time}
+        columns |= {f"{c}_{unit[c[0]]}": self.channel(c) for c in self.channels}
+        if self.temperature is not None:
+            columns["temperature_degc"] = self.temperature
+        return columns
+
     def to_parquet(self, path: str | Path) -> None:
         """Write a Parquet file with the columns that `read_imu` understands.
 
@@ -179,9 +194,4 @@ class ImuRecording:
         """
         from schuler.data.table import write_parquet
 
-        unit = {"g": "rad_s", "a": "m_s2"}
-        columns = {"time_s": self.time}
-        columns |= {f"{c}_{unit[c[0]]}": self.channel(c) for c in self.channels}
-        if self.temperature is not None:
-            columns["temperature_degc"] = self.temperature
-        write_parquet(path, columns)
+        write_parquet(path, self.to_columns())

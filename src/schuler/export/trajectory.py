@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data.trajectory import NavigationSolution
+from schuler.data.trajectory import NavigationSolution, Trajectory
 from schuler.errors import InputError
 from schuler.rotations import euler_from_dcm
 
@@ -50,7 +50,30 @@ def trajectory_columns(solution: NavigationSolution) -> dict[str, NDArray[np.flo
         Time in s, latitude and longitude in deg, height in m, velocity in m/s, roll, pitch and
         heading in deg, and the standard deviation of each (position north, east, down in m).
     """
-    trajectory = solution.trajectory
+    columns = truth_columns(solution.trajectory)
+    position_sd = solution.position_sd
+    for k, direction in enumerate(DIRECTIONS):
+        columns[f"pos_std_{direction}_m"] = position_sd[:, k]
+    for k, direction in enumerate(DIRECTIONS):
+        columns[f"vel_std_{direction}_m_s"] = solution.velocity_sd[:, k]
+    for k, direction in enumerate(DIRECTIONS):
+        columns[f"att_std_{direction}_deg"] = np.degrees(solution.attitude_sd[:, k])
+    return columns
+
+
+def truth_columns(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
+    """Return a trajectory without uncertainty as named columns, in the units of their names.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        A truth or reference.
+
+    Returns
+    -------
+    dict of str to (n,) ndarray
+        As `trajectory_columns`, without standard deviations.
+    """
     columns = {
         "time_s": trajectory.time,
         "latitude_deg": np.degrees(trajectory.position[:, 0]),
@@ -63,13 +86,6 @@ def trajectory_columns(solution: NavigationSolution) -> dict[str, NDArray[np.flo
         ("roll", "pitch", "heading"), euler_from_dcm(trajectory.rotation), strict=True
     ):
         columns[f"{name}_deg"] = np.degrees(angle)
-    position_sd = solution.position_sd
-    for k, direction in enumerate(DIRECTIONS):
-        columns[f"pos_std_{direction}_m"] = position_sd[:, k]
-    for k, direction in enumerate(DIRECTIONS):
-        columns[f"vel_std_{direction}_m_s"] = solution.velocity_sd[:, k]
-    for k, direction in enumerate(DIRECTIONS):
-        columns[f"att_std_{direction}_deg"] = np.degrees(solution.attitude_sd[:, k])
     return columns
 
 

@@ -130,11 +130,12 @@ def _finding_on_unseen(part: UnseenMotion) -> Finding:
     else:
         what, kind = f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} stuck", "stuck axis"
     turn = np.degrees(part.attitude_sd)
+    by = f"by {turn:.1f} deg" if turn < 90.0 else "anywhere"
     return Finding(
         kind,
         "warning",
         f"{what} from {part.start:.3f} to {part.stop:.3f} s ({part.seconds:.2f} s)"
-        + (f", in which it may have turned by {turn:.1f} deg" if turn else ""),
+        + (f", in which it may have turned {by}" if turn else ""),
         () if part.channels.all() else names,
         ((part.start, part.stop),),
         part.seconds,

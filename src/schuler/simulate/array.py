@@ -37,6 +37,8 @@ def simulate_array(
     gyro_errors: Errors = None,
     accel_errors: Errors = None,
     names: Sequence[str] | None = None,
+    motion: ImuRecording | None = None,
+    body: ArrayLike | None = None,
 ) -> tuple[ImuRecording, ...]:
     """Return what several IMUs on one body record.
 
@@ -61,6 +63,11 @@ def simulate_array(
         One for all, or one for each.
     names : sequence of str, optional
         "imu 1", "imu 2", ... if not given.
+    motion : ImuRecording, optional
+        What an ideal IMU at the centre records in the axes of the body, instead of the one of the
+        profile alone: with vibration, for instance.
+    body : (3, 3) array_like, optional
+        Takes the axes of the body into those of the profile, where they differ.
 
     Returns
     -------
@@ -83,8 +90,14 @@ def simulate_array(
     titles = [f"imu {i + 1}" for i in range(k)] if names is None else list(names)
     if len(titles) != k:
         raise InputError(f"{len(titles)} names", expected=f"{k}")
-    centre = ideal_imu(profile, rate)
-    tensor = arm_tensor(profile, centre.time) if size_effect and arms.any() else None
+    turn = np.eye(3) if body is None else np.asarray(body, dtype=np.float64)
+    centre = motion
+    if centre is None:
+        plain = ideal_imu(profile, rate)
+        centre = replace(plain, gyro=plain.gyro @ turn, accel=plain.accel @ turn)
+    tensor = None
+    if size_effect and arms.any():
+        tensor = turn.T @ arm_tensor(profile, centre.time) @ turn
     recordings = []
     for i, child in enumerate(rng.spawn(k)):
         here = centre if tensor is None else add_size_effect(centre, tensor, arms[i])

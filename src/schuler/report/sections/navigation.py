@@ -121,7 +121,9 @@ def _track_section(run: NavigationResults, spans: tuple[tuple[float, float], ...
     trajectory = run.best.trajectory
     time = trajectory.time - trajectory.time[0]
     speed = np.hypot(trajectory.velocity[:, 0], trajectory.velocity[:, 1])
-    distance = float(np.sum(speed[1:] * np.diff(time)))
+    step = np.diff(time)
+    # a stretch without samples tells nothing of the way
+    distance = float(np.sum(speed[1:] * np.where(step < 1.0, step, 0.0)))
     facts = Facts(
         (
             ("Duration", duration(float(time[-1]))),
@@ -138,7 +140,7 @@ def _track_section(run: NavigationResults, spans: tuple[tuple[float, float], ...
     blocks = (
         facts,
         track_figure(run),
-        _motion(trajectory, spans),
+        motion_figures(trajectory, spans),
         *((found,) if found.rows else ()),
     )
     return Section("Track", blocks, (sentence,))
@@ -173,13 +175,48 @@ def _found(settings: dict[str, Any]) -> Table:
     )
 
 
-def _local(
+def local_track(
     position: FloatArray, origin: FloatArray, points: int = TRACK_POINTS
 ) -> tuple[FloatArray, FloatArray]:
-    """Return east and north in m of a thinned track."""
+    """Return east and north in m of a thinned track.
+
+    Parameters
+    ----------
+    position : (n, 3) ndarray
+        Latitude rad, longitude rad, height m.
+    origin : (3,) ndarray
+        Where east and north are zero.
+    points : int
+        About as many are kept.
+
+    Returns
+    -------
+    tuple of ndarray
+        East and north, m.
+    """
     step = -(-position.shape[0] // points)
     ned = ned_from_geodetic(position[::step], origin)
     return ned[:, 1], ned[:, 0]
+
+
+def near_track(position: FloatArray, track: FloatArray) -> FloatArray:
+    """Return the positions near a track: a wrong fix far away would shrink it to a point.
+
+    Parameters
+    ----------
+    position, track : (n, 3) and (m, 3) ndarray
+        Latitude rad, longitude rad, height m.
+
+    Returns
+    -------
+    (k, 3) ndarray
+        Those within the extent of the track and half of it around, and 100 m.
+    """
+    low, high = track[:, :2].min(axis=0), track[:, :2].max(axis=0)
+    around = 0.5 * float((high - low).max()) + 100.0 / 6.4e6
+    inside = (position[:, :2] > low - around) & (position[:, :2] < high + around)
+    near = position[inside.all(axis=1)]
+    return near if near.size else position
 
 
 def track_figure(run: NavigationResults) -> FigureGrid:
@@ -199,15 +236,16 @@ def track_figure(run: NavigationResults) -> FigureGrid:
     traces: list[dict[str, Any]] = []
     legend = []
     if run.gnss is not None:
-        east, north = _local(run.gnss.position, origin)
+        seen = near_track(run.gnss.position, run.best.trajectory.position)
+        east, north = local_track(seen, origin)
         traces.append(marks(east, north, "@gnss", "GNSS", size=4))
         legend.append(LegendItem("GNSS", "@gnss", "point"))
     if run.truth is not None:
-        east, north = _local(run.truth.position, origin)
+        east, north = local_track(run.truth.position, origin)
         traces.append(_path(east, north, "@model", "truth", 1.0))
         legend.append(LegendItem("truth", "@model"))
     for name, colour, solution in run.solutions:
-        east, north = _local(solution.trajectory.position, origin)
+        east, north = local_track(solution.trajectory.position, origin)
         traces.append(_path(east, north, colour, name, 1.8))
         legend.append(LegendItem(name, colour))
     traces += _outage_paths(run, origin)
@@ -235,7 +273,7 @@ def _outage_paths(run: NavigationResults, origin: FloatArray) -> list[dict[str, 
         inside = (trajectory.time >= start) & (trajectory.time <= stop)
         if not inside.any():
             continue
-        east, north = _local(trajectory.position[inside], origin, 300)
+        east, north = local_track(trajectory.position[inside], origin, 300)
         since = number(start - float(trajectory.time[0]), 4)
         paths.append(_path(east, north, "@outage/0.45", f"without GNSS from {since} s", 7.0))
     return paths
@@ -246,7 +284,21 @@ def _smooth_angle(degrees: FloatArray) -> FloatArray:
     return np.asarray(whole - 360.0 * np.round(np.median(whole) / 360.0))
 
 
-def _motion(trajectory: Trajectory, spans: tuple[tuple[float, float], ...]) -> FigureGrid:
+def motion_figures(trajectory: Trajectory, spans: tuple[tuple[float, float], ...]) -> FigureGrid:
+    """Return height, speed and attitude over time.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Any.
+    spans : tuple of (float, float)
+        Shaded stretches, seconds from the start.
+
+    Returns
+    -------
+    FigureGrid
+        Five figures.
+    """
     from schuler.rotations import euler_from_dcm
 
     time = trajectory.time - trajectory.time[0]

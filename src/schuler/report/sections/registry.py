@@ -20,6 +20,7 @@ _HOMES = {
     "schuler.studies.reproduction": "reproduction",
     "schuler.evaluate.error_model_comparison": "error_models",
     "schuler.report.sections.navigation": "navigation",
+    "schuler.report.sections.simulation": "simulation",
     "schuler.report.sections.outages": "outages",
 }
 """Where the maker for the results of a module lives: only that one is imported."""

@@ -1,0 +1,292 @@
+"""Files of `schuler simulate`: what it reads, and the folder it writes."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from schuler.errors import InputError
+
+if TYPE_CHECKING:
+    from schuler.cli.simulate import ReceiverOptions, SensorOptions
+    from schuler.simulate.faults import Fault
+    from schuler.simulate.fix_faults import FixFault
+    from schuler.simulate.profile import Profile
+    from schuler.simulate.scenario import Scenario, SimulatedDrive
+
+FAULTS = (
+    "gap:START:SECONDS, hold:START:SECONDS, jump:START:STEP[:SECONDS], "
+    "stuck:CHANNEL:START[:SECONDS], step:CHANNEL:START:SIZE[:SECONDS], "
+    "ramp:CHANNEL:START:SLOPE[:SECONDS], noise:CHANNEL:START:SD[:SECONDS], fix:START:METRES or "
+    "late:START:STEP[:SECONDS]"
+)
+
+
+def parse_faults(texts: tuple[str, ...]) -> tuple[tuple[Fault, ...], tuple[FixFault, ...]]:
+    """Return faults of the IMU and of GNSS.
+
+    Parameters
+    ----------
+    texts : tuple of str
+        As for ``--fault``.
+
+    Returns
+    -------
+    tuple of tuples
+        In the order given.
+
+    Raises
+    ------
+    InputError
+        A fault that is not understood.
+    """
+    from schuler.simulate.fix_faults import LateStamps, WrongFix
+
+    imu: list[Fault] = []
+    gnss: list[FixFault] = []
+    for text in texts:
+        fault = _parse_fault(text)
+        if isinstance(fault, (WrongFix, LateStamps)):
+            gnss.append(fault)
+        else:
+            imu.append(fault)
+    return tuple(imu), tuple(gnss)
+
+
+def _parse_fault(text: str) -> Fault | FixFault:
+    from schuler.simulate import faults as f
+    from schuler.simulate.fix_faults import LateStamps, WrongFix
+
+    kind, *rest = text.split(":")
+    try:
+        if kind in ("stuck", "step", "ramp", "noise"):
+            channels = (rest[0],)
+            numbers = [float(r) for r in rest[1:]]
+            if kind == "stuck":
+                return f.StuckFault(
+                    start=numbers[0], channels=channels, duration=_lasting(numbers, 1)
+                )
+            start, size = numbers[:2]
+            lasting = _lasting(numbers, 2)
+            if kind == "step":
+                return f.StepFault(start=start, channels=channels, size=size, duration=lasting)
+            if kind == "ramp":
+                return f.RampFault(start=start, channels=channels, slope=size, duration=lasting)
+            return f.NoiseBurst(start=start, channels=channels, deviation=size, duration=lasting)
+        numbers = [float(r) for r in rest]
+        if kind in ("gap", "hold") and len(numbers) == 2:
+            return f.DropOut(start=numbers[0], duration=numbers[1], hold=kind == "hold")
+        if kind == "jump":
+            return f.TimeJump(start=numbers[0], jump=numbers[1], duration=_lasting(numbers, 2))
+        if kind == "late":
+            return LateStamps(start=numbers[0], late=numbers[1], duration=_lasting(numbers, 2))
+        if kind == "fix" and len(numbers) == 2:
+            return WrongFix(start=numbers[0], north=numbers[1])
+    except (ValueError, IndexError):
+        pass
+    raise InputError(f"fault '{text}' is not understood", expected=FAULTS)
+
+
+def _lasting(numbers: list[float], place: int) -> float:
+    if len(numbers) > place + 1:
+        raise ValueError
+    return numbers[place] if len(numbers) > place else float("inf")
+
+
+def profile_of(
+    waypoints: Path | None, track: Path | None, duration: float | None
+) -> tuple[Profile, str]:
+    """Return a motion from a file.
+
+    Parameters
+    ----------
+    waypoints : Path or None
+        Table of way-points.
+    track : Path or None
+        GNSS recording.
+    duration : float or None
+        Must not be given with either.
+
+    Returns
+    -------
+    tuple of Profile and str
+        The motion and its name.
+
+    Raises
+    ------
+    InputError
+        Both files, or a table without what is needed.
+    """
+    from schuler.simulate.tracks import from_track
+
+    if waypoints is not None and track is not None:
+        raise InputError("--waypoints and --track together", expected="one of them")
+    if duration is not None:
+        raise InputError(
+            "--duration with --waypoints or --track", expected="the duration that the file has"
+        )
+    if track is not None:
+        from schuler.cli.loading import load_gnss, title_of
+
+        return from_track(load_gnss(track, {})), f"track of {title_of(track)}"
+    assert waypoints is not None
+    return _waypoints(waypoints), f"way-points of {waypoints.name}"
+
+
+def _waypoints(path: Path) -> Profile:
+    import numpy as np
+    import polars
+
+    from schuler.simulate.profile import from_waypoints
+
+    if not path.is_file():
+        raise InputError("there is no such file", where=str(path))
+    try:
+        table = polars.read_parquet(path) if path.suffix == ".parquet" else polars.read_csv(path)
+    except (polars.exceptions.PolarsError, OSError) as error:
+        raise InputError(
+            f"is no table: {str(error).splitlines()[0]}",
+            expected="CSV with a header, or Parquet",
+            where=str(path),
+        ) from None
+    needed = ("time_s", "latitude_deg", "longitude_deg", "height_m")
+    angles = ("roll_deg", "pitch_deg", "heading_deg")
+    missing = [c for c in needed if c not in table.columns]
+    if missing:
+        raise InputError(
+            f"has no {', '.join(missing)}",
+            expected=f"columns {', '.join(needed)} and perhaps {', '.join(angles)}",
+            where=str(path),
+        )
+    try:
+        columns = {
+            c: table[c].cast(polars.Float64).to_numpy()
+            for c in table.columns
+            if c in needed + angles
+        }
+    except polars.exceptions.PolarsError:
+        raise InputError("holds text among its numbers", where=str(path)) from None
+    position = np.column_stack(
+        [
+            np.radians(columns["latitude_deg"]),
+            np.radians(columns["longitude_deg"]),
+            columns["height_m"],
+        ]
+    )
+    euler = None
+    if all(a in columns for a in angles):
+        euler = np.radians(np.column_stack([columns[a] for a in angles]))
+    try:
+        return from_waypoints(columns["time_s"], position, euler)
+    except InputError as error:
+        raise error.at(str(path)) from None
+
+
+def make_folder(out: Path) -> None:
+    """Make the folder that a simulation is written into.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        A file has that name, or the folder above it does not exist.
+    """
+    if out.exists() and not out.is_dir():
+        raise InputError("is a file", expected="a folder to write into", where=str(out))
+    if not out.parent.is_dir():
+        raise InputError("the folder above it does not exist", where=str(out))
+    out.mkdir(exist_ok=True)
+
+
+def description(
+    scenario: Scenario,
+    drive: SimulatedDrive,
+    seed: int,
+    sensor: SensorOptions,
+    gnss: ReceiverOptions,
+    fault: tuple[str, ...],
+) -> dict[str, Any]:
+    """Return what was simulated as plain values: the options given, and what was drawn.
+
+    Parameters
+    ----------
+    scenario, drive
+        What was asked for and what came out.
+    seed : int
+        Of everything random.
+    sensor, gnss, fault
+        The options of the command, in its units.
+
+    Returns
+    -------
+    dict
+        For YAML, JSON and the report.
+    """
+    from dataclasses import asdict
+
+    from schuler.cli.outputs import plain_values
+
+    noise = scenario.noise_model
+    return {
+        "motion": scenario.motion,
+        "seed": seed,
+        "imu": plain_values(asdict(sensor)),
+        "gnss": plain_values(asdict(gnss)),
+        "faults_asked_for": list(fault),
+        "noise_model": None if noise is None else noise.source,
+        "outcome": plain_values(drive.log),
+        "samples": [imu.size for imu in drive.imus],
+        "fixes": drive.gnss.size,
+        "files": "imu*: what the IMU recorded; gnss: what the receiver recorded; truth: position, "
+        "velocity and attitude of the IMU at the true times of its samples (of the centre of an "
+        "array); noise.yaml: the noise model that was drawn from",
+    }
+
+
+def write_drive(
+    out: Path, drive: SimulatedDrive, scenario: Scenario, told: dict[str, Any], form: str
+) -> tuple[Path, ...]:
+    """Write recordings, truth, noise model and description into a folder, all or none.
+
+    Parameters
+    ----------
+    out : Path
+        Existing folder.
+    drive : SimulatedDrive
+        What to write.
+    scenario : Scenario
+        For the noise model.
+    told : dict
+        The description.
+    form : str
+        "parquet" or "csv".
+
+    Returns
+    -------
+    tuple of Path
+        What was written.
+    """
+    import yaml
+
+    from schuler.cli.outputs import Outputs
+    from schuler.export.trajectory import truth_columns, write_columns
+
+    several = len(drive.imus) > 1
+    names = [f"imu{k + 1}.{form}" if several else f"imu.{form}" for k in range(len(drive.imus))]
+    paths = [out / n for n in (*names, f"gnss.{form}", f"truth.{form}", "simulation.yaml")]
+    outputs = Outputs(*paths)
+    tables = [imu.to_columns() for imu in drive.imus]
+    tables += [drive.gnss.to_columns(), truth_columns(drive.truth)]
+    for path, columns in zip(paths[:-1], tables, strict=True):
+        outputs.file(path, partial(write_columns, columns=columns, form=f".{form}"))
+    outputs.text(
+        out / "simulation.yaml", lambda: yaml.safe_dump(told, sort_keys=False, allow_unicode=True)
+    )
+    if scenario.noise_model is not None:
+        outputs.text(out / "noise.yaml", scenario.noise_model.to_yaml)
+    return outputs.commit()
