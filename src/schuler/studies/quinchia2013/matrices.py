@@ -12,7 +12,7 @@ from schuler.processes import Autoregressive, GaussMarkov, RandomWalk, WhiteNois
 from schuler.processes.gauss_markov import FLICKER_LEVEL
 from schuler.studies.experiment import Numbers, Results, Size, estimate, generator, numbers, stacked
 from schuler.studies.outcome import Band, Curve, Outcome, Panel, Row
-from schuler.studies.quinchia2013.sensor import PAPER, PRINTED, TABLE_2, fitted
+from schuler.studies.quinchia2013.sensor import NAMES, PAPER, PRINTED, TABLE_2, fitted
 
 FloatArray = NDArray[np.float64]
 
@@ -358,7 +358,7 @@ def rounded_roots(results: Results, size: Size) -> Outcome:
         wanted = (0.95, 1.0) if channel == "accel_x" else (0.3, 0.7)
         rows += [
             Row(
-                f"{channel}: largest pole of the printed coefficients",
+                f"{NAMES[channel]}: largest pole of the printed coefficients",
                 modulus,
                 None,
                 "wrong in the paper",
@@ -367,7 +367,7 @@ def rounded_roots(results: Results, size: Size) -> Outcome:
                 erratum="E-004-10",
             ),
             Row(
-                f"{channel}: share of unstable models within the rounding",
+                f"{NAMES[channel]}: share of unstable models within the rounding",
                 share,
                 None,
                 "wrong in the paper",
