@@ -307,3 +307,20 @@ def test_rtk_drive(data_folder: Path) -> None:
     # honest, not merely modest: real errors are not small beside their claims
     claimed = np.mean([w.claimed_sd_m for w in found.causal.windows])
     assert found.causal.mean_of_max_m > 0.3 * claimed
+
+
+def test_a_fixed_lag_lies_between_the_filter_and_the_smoother(
+    drive: tuple[ImuRecording, GnssRecording],
+) -> None:
+    known = {"windows": WINDOWS, "time_offset": (-0.1, -0.2)}
+    found = {lag: evaluate_outages(*drive, NOISE, lag=lag, **known) for lag in (0.5, 40.0)}
+    short, long = found[0.5], found[40.0]
+    assert short.lagged is not None
+    assert long.lagged is not None
+    # a lag beyond the outage sees what the smoother sees, a short one hardly more than the filter
+    assert long.lagged.mean_of_max_m == pytest.approx(long.smoothed.mean_of_max_m, rel=0.1)
+    assert short.lagged.mean_of_max_m > 0.7 * short.causal.mean_of_max_m
+    assert short.lagged.mean_of_max_m > 2.0 * short.smoothed.mean_of_max_m
+    back = json.loads(json.dumps(long.to_dict(), allow_nan=False))
+    assert back["fixed_lag"]["lag_s"] == 40.0
+    assert back["fixed_lag"]["mean_of_max_m"] == long.lagged.mean_of_max_m

@@ -28,6 +28,7 @@ def outages(
     window: tuple[str, ...] = (),
     sweep: str | None = None,
     limit: float | None = None,
+    lag: float | None = None,
     report: Path | None = None,
     json: Path | None = None,
     told: Annotated[ModelOptions | None, Parameter(name="*")] = None,
@@ -54,6 +55,9 @@ def outages(
     limit : float, optional
         Exit with code 1 when the causal mean of the largest errors (of the first error model) is
         above so many m.
+    lag : float, optional
+        Judge the fixed-lag smoother as well, which uses data up to so many seconds after every
+        moment.
     report : Path, optional
         Write a self-contained HTML page here.
     json : Path, optional
@@ -81,6 +85,10 @@ def outages(
     which = parse_windows(window, sweep)
     keywords = (known or RunOptions()).keywords()
     models = options.names
+    if lag is not None and not lag > 0.0:
+        raise InputError(f"--lag {lag:g}", expected="seconds, above zero")
+    if lag is not None and models:
+        raise InputError("--lag with --models", expected="one of them")
     recording, fixes = load_drive(imu, gnss, reading or DriveReading())
     model = load_noise(noise)
     say_when_compiling()
@@ -99,7 +107,7 @@ def outages(
         return _judge(comparison.results[0].all_causal.mean_of_max_m, limit)
     with progress("Evaluating outages") as shown:
         evaluation = evaluate_outages(
-            recording, fixes, model, progress=shown.say, **keywords, **which
+            recording, fixes, model, lag=lag, progress=shown.say, **keywords, **which
         )
     if report is not None:
         page = _page(evaluation, fixes, title_of(imu), inputs, which)
@@ -200,6 +208,8 @@ def show_outages(
     from schuler.report.numbers import number, percent
 
     answers = [("causal", evaluation.causal), ("smoothed", evaluation.smoothed)]
+    if evaluation.lagged is not None:
+        answers.insert(1, (f"lag of {number(evaluation.lag or 0.0)} s", evaluation.lagged))
     count = len(evaluation.causal.windows)
     screen.heading("Outages", f"{count} windows, horizontal error in m")
     rows = [

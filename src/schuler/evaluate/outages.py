@@ -231,6 +231,10 @@ class OutageEvaluation:
         Settings of every run: which windows it withheld, what it estimated.
     solutions : tuple of (NavigationSolution, NavigationSolution)
         Causal and smoothed solution of every run.
+    lagged : OutageStatistics or None
+        Of fixed-lag smoothing: what is known `lag` seconds after each moment.
+    lag : float or None
+        s.
     """
 
     causal: OutageStatistics
@@ -238,6 +242,8 @@ class OutageEvaluation:
     sweep: bool
     runs: tuple[dict[str, Any], ...]
     solutions: tuple[tuple[NavigationSolution, NavigationSolution], ...] = field(default=())
+    lagged: OutageStatistics | None = None
+    lag: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON.
@@ -245,9 +251,14 @@ class OutageEvaluation:
         Returns
         -------
         dict
-            Keys "causal", "smoothed", "sweep", "runs".
+            Keys "causal", "smoothed", "sweep", "runs", and "fixed_lag" where it was asked for.
         """
-        return {
+        late = (
+            {}
+            if self.lagged is None
+            else {"fixed_lag": {"lag_s": self.lag} | self.lagged.to_dict()}
+        )
+        return late | {
             "causal": self.causal.to_dict(),
             "smoothed": self.smoothed.to_dict(),
             "sweep": self.sweep,
@@ -423,6 +434,7 @@ def evaluate_outages(
     tune_noise: bool | None = None,
     aiding: Sequence[str] = (),
     false_alarm: float = FALSE_ALARM,
+    lag: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> OutageEvaluation:
     """Withhold GNSS in windows and judge the solutions there.
@@ -440,11 +452,13 @@ def evaluate_outages(
         Windows of `seconds` that start every `every` seconds, instead of `windows`.
     lever_arm, heading, mounting, time_offset, tune_noise, aiding, false_alarm, progress
         As for `navigate`.
+    lag : float or None
+        Judge fixed-lag smoothing by so many seconds as well.
 
     Returns
     -------
     OutageEvaluation
-        Causal and smoothed figures.
+        Causal, smoothed and perhaps fixed-lag figures.
 
     Raises
     ------
@@ -460,6 +474,7 @@ def evaluate_outages(
     arm = np.asarray(lever_arm, dtype=np.float64)
     causal: list[OutageWindow] = []
     smoothed: list[OutageWindow] = []
+    lagged: list[OutageWindow] = []
     settings: list[dict[str, Any]] = []
     solutions: list[tuple[NavigationSolution, NavigationSolution]] = []
     for number, group in enumerate(groups):
@@ -480,9 +495,16 @@ def evaluate_outages(
         )
         if say is not None:
             say("filtering and smoothing")
-        done: NavigationRun = run(cut, used, setup, smooth=True, false_alarm=false_alarm)
+        done: NavigationRun = run(cut, used, setup, smooth=True, lag=lag, false_alarm=false_alarm)
         assert done.smoothed is not None
-        for solution, results in ((done.causal, causal), (done.smoothed, smoothed)):
+        answers = (
+            (done.causal, causal),
+            (done.smoothed, smoothed),
+            (done.lagged, lagged),
+        )
+        for solution, results in answers:
+            if solution is None:
+                continue
             results += [
                 judge_window(
                     solution,
@@ -503,6 +525,8 @@ def evaluate_outages(
         sweep=sweep is not None,
         runs=tuple(settings),
         solutions=tuple(solutions),
+        lagged=_in_order(lagged) if lagged else None,
+        lag=lag,
     )
 
 

@@ -22,11 +22,10 @@ FOLD_ABOVE = 12
 
 def _answers(evaluation: OutageEvaluation) -> list[tuple[str, str, OutageStatistics]]:
     """Return name, colour and statistics of the answers that exist."""
-    both = (
-        ("causal", "@causal", evaluation.causal),
-        ("smoothed", "@smoothed", evaluation.smoothed),
-    )
-    return [(name, colour, s) for name, colour, s in both if s is not None]
+    every = [("causal", "@causal", evaluation.causal)]
+    if evaluation.lagged is not None:
+        every.append((f"lag of {number(evaluation.lag or 0.0)} s", "@z", evaluation.lagged))
+    return [*every, ("smoothed", "@smoothed", evaluation.smoothed)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +105,10 @@ def _lengths(windows: tuple[OutageWindow, ...]) -> str:
 
 def _sentence(name: str, s: OutageStatistics) -> str:
     count = len(s.windows)
-    how = "with the data up to each moment (causal)" if name == "causal" else "smoothed"
+    how = {
+        "causal": "with the data up to each moment (causal)",
+        "smoothed": "smoothed",
+    }.get(name, f"with a {name}")
     return (
         f"With GNSS withheld {count} time{'' if count == 1 else 's'} for {_lengths(s.windows)}, "
         f"the largest horizontal error {how} is {number(s.mean_of_max_m)} m on average and "
@@ -156,7 +158,7 @@ def _honesty(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
             percent(s.within_2_sigma),
             number(s.end_rms_m),
             number(s.claimed_over_real),
-            "" if s.floor_m is None or name == "smoothed" else number(s.floor_m),
+            "" if s.floor_m is None or name != "causal" else number(s.floor_m),
         )
         for name, _, s in answers
     )
@@ -214,10 +216,15 @@ def _growth(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
     legend = (
         LegendItem("one window, causal", "@causal"),
         LegendItem("one window, smoothed", "@smoothed"),
+        *(
+            (LegendItem("one window, fixed lag", "@z"),)
+            if any(name.startswith("lag") for name, _, _ in answers)
+            else ()
+        ),
         LegendItem("claimed 2 sigma, median of the windows", "@model", "dash"),
         LegendItem("white-noise floor, 1 sigma", "@model", "dot"),
     )
-    return FigureGrid(tuple(figures), legend, columns=2)
+    return FigureGrid(tuple(figures), legend, columns=3 if len(figures) > 2 else 2)
 
 
 def _typical_claim(s: OutageStatistics) -> tuple[FloatArray, FloatArray]:
@@ -297,7 +304,7 @@ def _claims(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
         LegendItem("error = 1 sigma", "@other", "dot"),
         LegendItem("error = 2 sigma", "@other", "dash"),
     )
-    return FigureGrid(tuple(figures), legend, columns=2)
+    return FigureGrid(tuple(figures), legend, columns=3 if len(figures) > 2 else 2)
 
 
 def _windows(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
