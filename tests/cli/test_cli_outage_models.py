@@ -89,3 +89,18 @@ def test_models_of_an_unknown_sensor_are_refused(
     done = call("outages", *drive(recordings, noise=False), "--models", "15AV")
     assert done.code == 2
     assert "--static" in done.one_line()
+
+
+def test_a_lag_is_judged_between_filter_and_smoother(
+    recordings: Path, tmp_path: Path, call: Callable[..., Outcome]
+) -> None:
+    target, page = tmp_path / "o.json", tmp_path / "o.html"
+    done = call("outages", *drive(recordings), "--lag", "4", "--json", target, "--report", page)
+    assert done.code == 0, done.err
+    found = json.loads(target.read_text())
+    assert found["fixed_lag"]["lag_s"] == 4.0
+    assert "lag of 4" in done.out
+    assert "lag of 4" in page.read_text()
+    assert call("outages", *drive(recordings), "--lag", "0").code == 2
+    both = call("outages", *drive(recordings), "--lag", "4", "--models", "own")
+    assert "one of them" in both.one_line()
