@@ -297,7 +297,7 @@ def _paper(result: Reproduction, paper: Paper) -> Section:
     most = max(e.repetitions for e in efforts.values())
     cost = sum(e.cpu_seconds for e in efforts.values())
     blocks: list[Block] = [
-        Prose(f"{paper.authors}: {paper.title}. {paper.journal}."),
+        Prose(f"{paper.title}. {paper.journal}."),
         Facts(
             (
                 ("size", result.size),
@@ -324,7 +324,7 @@ def _paper(result: Reproduction, paper: Paper) -> Section:
             blocks.append(_figures(o.panels))
     counts = _counts(items)
     said = ", ".join(f"{counts[v]} {v}" for v in reversed(TONES) if counts[v])
-    return Section(paper.name, tuple(blocks), (f"{paper.authors}: {said}.",))
+    return Section(f"{paper.authors}, {paper.label}", tuple(blocks), (f"{paper.authors}: {said}.",))
 
 
 def _figures(panels: tuple[Panel, ...]) -> FigureGrid:

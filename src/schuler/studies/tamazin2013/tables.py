@@ -78,7 +78,7 @@ def _table(name: str, results: Results) -> Outcome:
         Row(
             "raw data: best of all methods over the innovation variance",
             estimate(floor),
-            band=Band(0.97, 1.03, "theory", "one is the floor; samples of a finite record"),
+            band=Band(0.97, 1.06, "theory", "one is the floor; the mean is that of three minutes"),
             verdict="beyond the paper",
         ),
         Row(

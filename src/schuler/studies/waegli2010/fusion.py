@@ -33,6 +33,8 @@ BIAS = 0.0102
 TABLE_4_SIGMAS = np.array([0.0136, 0.0155, 0.0207, 0.0290])
 """rad/s: mean square, optimum and the excess of Table 4 together (16 x excess / a² mean sin²)."""
 FACTORS = (0.0, 5.0, 10.0)
+SHOWN = 300
+"""Samples that are drawn."""
 TOP_SIDE, BOTTOM_SIDE = np.eye(3), np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Mountings of the chips on either side of the MIMU board."""
 HALF_WINDOWS = (5, 25, 125)
@@ -130,6 +132,7 @@ def run_noise(seed: int, size: Size) -> Numbers:
         hat=hat.deviations,
         hat_seen=np.sqrt(hat.residual_variances),
         residual_correlation=moments.mean(),
+        shown=np.stack([singles[:SHOWN, 0, 1], equal[:SHOWN, 1], online["ewma"][:SHOWN, 1]]),
         norm_of_mean=np.linalg.norm(equal, axis=1).mean() / equal[:, 1:].std(),
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from schuler.studies.experiment import Results, Size, estimate, stacked
 from schuler.studies.outcome import Band, Curve, Estimate, Outcome, Panel, Role, Row
 from schuler.studies.waegli2010.arithmetic import TABLE_4
-from schuler.studies.waegli2010.fusion import BIAS, FACTORS, HALF_WINDOWS, WINDOWS
+from schuler.studies.waegli2010.fusion import BIAS, FACTORS, HALF_WINDOWS, RATE, WINDOWS
 
 FloatArray = NDArray[np.float64]
 _AXES: tuple[Role, ...] = ("x", "y", "z")
@@ -46,31 +46,41 @@ def figure_5(results: Results, size: Size) -> Outcome:
         "Reduction is 1 - σ/mean(σᵢ), gain is its reciprocal less one: 50 % reduction is 100 % "
         "gain, and the two papers of these authors use one name for both."
     )
-    return Outcome(rows, (_boxes(results),), (note,))
+    return Outcome(rows, (_traces(results),), (note,))
 
 
-def _boxes(results: Results) -> Panel:
-    quantiles = stacked(results, "quantiles").mean(axis=0)
-    places = np.arange(float(quantiles.shape[0]))
-    names = (*SENSORS, "synthetic", "weighted")
+def _traces(results: Results) -> Panel:
+    shown = results[0]["shown"]
+    stamps = np.arange(shown.shape[1]) / RATE
     return Panel(
-        "Errors on x: quartiles (thick), 1 and 99 % (thin)",
+        "Three seconds of one gyro and of synthetic ones",
+        "s",
+        "error on y, rad/s",
+        (
+            Curve("MTi 1", stamps, shown[0], "data"),
+            Curve("synthetic", stamps, shown[1], "ours"),
+            Curve("weighted", stamps, shown[2], "better"),
+        ),
+        "Errors over three seconds.",
+    )
+
+
+def _boxes(results: Results, first: int = 0) -> Panel:
+    """Boxes of the errors, from the gyros on or of the synthetic IMUs alone."""
+    quantiles = stacked(results, "quantiles").mean(axis=0)[first:]
+    places = np.arange(float(quantiles.shape[0]))
+    names = (*SENSORS, "synthetic", "weighted")[first:]
+    middle = quantiles[:, 2]
+    return Panel(
+        "Errors on x, the biased axis",
         "",
         "rad/s",
         (
-            Curve(
-                "1 to 99 %",
-                places,
-                quantiles[:, 2],
-                "data",
-                "points",
-                quantiles[:, 0],
-                quantiles[:, 4],
-            ),
+            Curve("1 to 99 %", places, middle, "data", "points", quantiles[:, 0], quantiles[:, 4]),
             Curve(
                 "quartiles",
                 places + 0.08,
-                quantiles[:, 2],
+                middle,
                 "ours",
                 "points",
                 quantiles[:, 1],
@@ -78,7 +88,7 @@ def _boxes(results: Results) -> Panel:
             ),
             Curve("no error", places, np.zeros(places.size), "theory", "dash"),
         ),
-        "Quantiles of the errors of each gyro and of the synthetic ones.",
+        "Quantiles of the errors.",
         categories=names,
     )
 
@@ -139,7 +149,7 @@ def figure_13(results: Results, size: Size) -> Outcome:
         "(12) needs the conditional mean and σ² = Var given the past (E-000-7); a model fitted on "
         "the whole record, as in the paper, looks ahead."
     )
-    return Outcome(rows, (_boxes(results),), (note,))
+    return Outcome(rows, (_boxes(results, 4), _traces(results)), (note,))
 
 
 def weights(results: Results, size: Size) -> Outcome:
