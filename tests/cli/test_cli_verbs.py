@@ -153,6 +153,22 @@ def test_navigate_writes_a_trajectory_as_good_as_it_claims(
     assert 0.75 < updates["mean_nis_per_degree"] < 1.25
 
 
+def test_navigate_waits_for_a_lag_when_asked(
+    recordings: Path, call: Callable[..., Outcome]
+) -> None:
+    drive = ("--imu", recordings / "imu.parquet", "--gnss", recordings / "gnss.parquet")
+    known = ("--noise", recordings / "noise.yaml", "--time-offset", "0,0")
+    done = call("navigate", *drive, *known, "--lag", "3", "--json", "-")
+    assert done.code == 0
+    summary = json.loads(done.out)
+    assert summary["smoothed"]["smoothing"] == "fixed lag"
+    assert summary["smoothed"]["lag_s"] == 3.0
+    assert summary["smoothed"]["position_sd_median_m"] < summary["causal"]["position_sd_median_m"]
+    refused = call("navigate", *drive, *known, "--lag", "-1")
+    assert refused.code == 2
+    assert "positive number of seconds" in refused.err
+
+
 def test_export_of_a_trajectory_keeps_every_number(
     navigated: Path, tmp_path: Path, call: Callable[..., Outcome]
 ) -> None:

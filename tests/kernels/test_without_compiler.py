@@ -17,12 +17,13 @@ from schuler.navigate import run
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.error_model import sensor_error_model
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.processes import GaussMarkov, RandomWalk, RateRamp, WhiteNoise
+from schuler.processes import Autoregressive, GaussMarkov, RandomWalk, RateRamp, WhiteNoise
 from schuler.processes.noise_model import NoiseModel
 from schuler.simulate import car_urban, ideal_imu, simulate_gnss, simulate_imu
 
 accel = WhiteNoise(3e-3) + RandomWalk(2e-4, initial_sd=0.03)
 gyro = WhiteNoise(3e-4) + GaussMarkov(1e-4, 20.0) + RateRamp(1e-6)
+gyro += Autoregressive((-1.2, 0.25), 1e-11, 0.05)
 noise = NoiseModel(
     processes={c: gyro if c.startswith("gyro") else accel for c in CHANNELS}, source="test"
 )
@@ -37,7 +38,7 @@ truth = profile.trajectory(imu.time[:1])
 alignment = Alignment(
     truth.rotation[0], 0.01, 0.02, np.zeros(3), None, None, "truth", truth.velocity[0]
 )
-model = sensor_error_model(noise, turn_on_accel=0.1, turn_on_gyro=0.01)
+model = sensor_error_model(noise, turn_on_accel=0.1, turn_on_gyro=0.01, interval=0.05)
 setup = RunSetup(
     model, NoiseFactors.none(), TimeOffsets(), alignment, np.array([1.0, 0.2, -1.0])
 )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pytest
 from twins import GYRO, LEVER, NOISE, navigation_errors, perfect, with_noise
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
+from schuler.errors import InputError
 from schuler.navigate import navigate
 from schuler.navigate.alignment import align
 from schuler.navigate.timing import velocity_lag
@@ -156,6 +158,39 @@ def test_alignment_in_motion_is_as_good_as_it_claims() -> None:
     assert len(normalised) == 16
     assert np.abs(normalised).max() < 3.0
     assert np.sqrt(np.mean(np.square(normalised))) < 1.3
+
+
+def test_smoothing_is_by_all_or_by_a_lag() -> None:
+    drive = a_drive(9)
+
+    def solved(smooth: bool | Literal["fixed-lag"]) -> NavigationSolution:
+        return navigate(
+            drive.imu,
+            drive.gnss,
+            NOISE,
+            lever_arm=ARM,
+            time_offset=(-LATE, -VELOCITY_LATE),
+            outages=[(150.0, 20.0)],
+            smooth=smooth,
+            lag=8.0,
+        )
+
+    causal, lagged, smoothed = solved(False), solved("fixed-lag"), solved(True)
+    assert (lagged.settings["smoothing"], lagged.settings["lag_s"]) == ("fixed lag", 8.0)
+    assert smoothed.settings["smoothing"] == "fixed interval"
+    assert 1e6 < smoothed.settings["smoother_bytes"] < 2e7
+    # sixteen seconds into the outage its end is within the lag; after eight it is not
+    path = causal.trajectory.time
+    began = float(drive.gnss.time[0]) + 150.0 - LATE
+    late, early = np.searchsorted(path, [began + 16.0, began + 8.0])
+    sd = [np.linalg.norm(s.position_sd[:, :2], axis=1) for s in (causal, lagged, smoothed)]
+    assert sd[1][late] < 0.5 * sd[0][late]
+    assert sd[1][late] < 1.3 * sd[2][late]
+    assert sd[1][early] > 0.9 * sd[0][early]
+    errors = [root_mean_square(drive, s, 100.0)[:2].max() for s in (causal, lagged, smoothed)]
+    assert errors[2] < errors[1] < errors[0]
+    with pytest.raises(InputError, match="fixed-lag"):
+        solved("lagged")  # type: ignore[arg-type]
 
 
 def test_gnss_without_velocity_and_with_a_missing_component_is_enough() -> None:

@@ -12,6 +12,9 @@ from schuler.cli.reading import DriveReading
 from schuler.cli.running import RunOptions
 from schuler.errors import InputError, SchulerError
 
+# what a smoothed solution says of how it was smoothed
+SMOOTHING_SETTINGS = ("smoothing", "lag_s", "smoother_bytes")
+
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.data.gnss import GnssRecording
@@ -182,7 +185,8 @@ def navigation_summary(
     import numpy as np
 
     def answer(solution: NavigationSolution) -> dict[str, Any]:
-        return {
+        how = {k: solution.settings[k] for k in SMOOTHING_SETTINGS if k in solution.settings}
+        return how | {
             "position_sd_median_m": np.median(solution.position_sd, axis=0),
             "velocity_sd_median_m_s": np.median(solution.velocity_sd, axis=0),
             "attitude_sd_median_rad": np.median(solution.attitude_sd, axis=0),

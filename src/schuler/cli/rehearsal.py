@@ -24,6 +24,7 @@ def _navigate() -> None:
 
     drive = example_drive(120.0, standstill=20.0)
     navigate(drive.imu, drive.gnss, example_noise(), smooth=True)
+    navigate(drive.imu, drive.gnss, example_noise(), smooth="fixed-lag", lag=1.0)
     navigate(drive.imu, drive.gnss)  # without a noise model the drive tunes it
 
 
