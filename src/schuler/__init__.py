@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from schuler.data.trajectory import Innovations, NavigationSolution, Trajectory
     from schuler.denoise import CausalDenoiser, Denoised, denoise
     from schuler.errors import SchulerError
+    from schuler.evaluate.error_model_comparison import (
+        ErrorModelComparison,
+        compare_error_models,
+    )
     from schuler.evaluate.outages import OutageEvaluation, evaluate_outages
     from schuler.export.kalibr import kalibr_yaml, write_kalibr
     from schuler.fuse.calibration.door import calibrate_array
@@ -144,6 +148,9 @@ _HOMES = {
     "schuler.navigate": ("navigate", "navigate_array"),
     "schuler.navigate.streaming": ("FilterState", "GnssReceiver", "NavigationFilter"),
     "schuler.navigate.observability": ("Observability", "Segment", "observability"),
+    "schuler.navigate.error_models": ("ErrorModel",),
+    "schuler.navigate.model_sources": ("error_models",),
+    "schuler.evaluate.error_model_comparison": ("ErrorModelComparison", "compare_error_models"),
     "schuler.evaluate.outages": ("OutageEvaluation", "evaluate_outages"),
     "schuler.export.kalibr": ("kalibr_yaml", "write_kalibr"),
     "schuler.report": ("write_report",),
@@ -162,6 +169,8 @@ __all__ = [
     "BiasInstability",
     "CausalDenoiser",
     "Denoised",
+    "ErrorModel",
+    "ErrorModelComparison",
     "FilterState",
     "FosFit",
     "GarchFit",
@@ -204,9 +213,11 @@ __all__ = [
     "autocorrelation",
     "calibrate_array",
     "characterize_imu",
+    "compare_error_models",
     "compare_methods",
     "compare_methods_imu",
     "denoise",
+    "error_models",
     "evaluate_outages",
     "fast_orthogonal_search",
     "find_jumps",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,9 @@ FloatArray = NDArray[np.float64]
 THEIRS = MODELS[:5]
 OURS = MODELS[5:]
 SHORT = tuple(k for k, p in enumerate(PIECES) if p.duration == 30.0)
-ROLES: tuple[Role, ...] = ("x", "y", "z", "paper", "printed", "better", "ours")
+ROLES: tuple[Role, ...] = ("x", "z", "y", "paper", "other", "theory", "theory")
+MARKS: tuple[Literal["line", "dash"], ...] = (*("line",) * 5, "dash", "line")
+"""How each model is drawn."""
 ONE_IMU = "one sensor, one draw: seven outages scatter by 40 % around such a mean"
 
 
@@ -330,7 +333,7 @@ def figure_26(results: Results, size: Size) -> Outcome:
     outage = np.arange(7.0)
     for figure, printed, title in (("max", LARGEST, "Largest"), ("mean", MEAN, "Mean")):
         curves = []
-        for role, name in zip(ROLES, MODELS, strict=True):
+        for role, name in zip((*ROLES[:5], "data", "theory"), MODELS, strict=True):
             values = stacked(results, f"{name}:{figure}")
             mean = values.mean(axis=0)
             error = values.std(axis=0) / math.sqrt(max(len(results) - 1, 1))
@@ -375,9 +378,9 @@ def _figure(results: Results, size: Size, outage: int, label: str) -> Outcome:
             "data",
         )
     ]
-    for role, name in zip(ROLES, MODELS, strict=True):
+    for role, mark, name in zip(ROLES, MARKS, MODELS, strict=True):
         path = track[f"{name}:track"][outage][:shown]
-        curves.append(Curve(name, path[:, 0], path[:, 1], role))
+        curves.append(Curve(name, path[:, 0], path[:, 1], role, mark))
     panels = [
         Panel(
             f"Outage {outage + 1}, first seed",
@@ -394,8 +397,9 @@ def _figure(results: Results, size: Size, outage: int, label: str) -> Outcome:
             time,
             np.sqrt((stacked(results, f"{name}:error")[:, outage, :shown] ** 2).mean(axis=0)),
             role,
+            mark,
         )
-        for role, name in zip(ROLES, MODELS, strict=True)
+        for role, mark, name in zip(ROLES, MARKS, MODELS, strict=True)
     ]
     panels.append(
         Panel(
@@ -409,12 +413,12 @@ def _figure(results: Results, size: Size, outage: int, label: str) -> Outcome:
     floor = float(stacked(results, "floor")[0, outage])
     rows = tuple(
         Row(
-            f"{name}: rms error at the end over the white-noise floor",
+            f"{name}: mean square of the error at the end over that of white noise alone",
             estimate(stacked(results, f"{name}:end")[:, outage] ** 2 / floor**2),
             None,
             "reproduced in kind",
             band=Band(0.8 if size == "full" else 0.0, math.inf, "spec", "nobody goes below", 2.0),
-            reason=f"squares; the floor is {floor:.1f} m",
+            reason=f"white noise alone: {floor:.1f} m",
         )
         for name in MODELS
     )
