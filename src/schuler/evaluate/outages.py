@@ -179,13 +179,15 @@ class OutageStatistics:
 
     @property
     def claimed_over_real(self) -> float:
-        """Claimed over real error at the ends of the windows, both root mean squares.
+        """Claimed over real horizontal error at all epochs, both root mean squares.
 
-        One for a filter that knows how wrong it is, below one for an overconfident one. With n
-        windows it scatters by about 1/(2 sqrt(n)).
+        One for a filter that knows how wrong it is, below one for an overconfident one; of a
+        causal answer the ends of the windows count most. With n windows it scatters by about
+        1/(2 sqrt(n)).
         """
-        claimed = float(np.sqrt(np.mean([w.end_claimed_sd_m**2 for w in self.windows])))
-        return claimed / self.end_rms_m if self.end_rms_m > 0.0 else math.inf
+        claimed = np.concatenate([np.trace(w.covariance, axis1=1, axis2=2) for w in self.windows])
+        real = self.rms_m
+        return float(np.sqrt(claimed.mean())) / real if real > 0.0 else math.inf
 
     @property
     def floor_m(self) -> float | None:

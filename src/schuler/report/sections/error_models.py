@@ -153,7 +153,7 @@ def _honesty(c: ErrorModelComparison) -> Table:
             "white-noise floor in m",
         ),
         tuple(rows),
-        note="Claimed / real: claimed standard deviation over real error at the ends of the "
+        note="Claimed / real: claimed standard deviation over real error at all epochs of the "
         "outages, both as root mean squares; below one the filter is overconfident. Floor: what "
         "white noise alone does from a perfect start, without constraints of the vehicle; an rms "
         "below it is a bug or luck.",

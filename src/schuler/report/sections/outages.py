@@ -156,8 +156,8 @@ def _honesty(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
         (
             name,
             percent(s.within_2_sigma),
-            number(s.end_rms_m),
             number(s.claimed_over_real),
+            number(s.end_rms_m) if name == "causal" else "",
             "" if s.floor_m is None or name != "causal" else number(s.floor_m),
         )
         for name, _, s in answers
@@ -167,13 +167,13 @@ def _honesty(answers: list[tuple[str, str, OutageStatistics]]) -> Table:
         (
             "answer",
             "inside claimed 2 sigma",
+            "claimed / real",
             "rms at the end in m",
-            "claimed / real at the end",
             "white-noise floor in m",
         ),
         rows,
         note="Inside: share of errors within the 95.4 % ellipse that the filter claims. Claimed / "
-        "real: root mean squares at the last epochs of the windows; below one is overconfident. "
+        "real: root mean squares over all epochs of the windows; below one is overconfident. "
         "Floor: what the white noise of the sensor alone does from a perfect start, without "
         "constraints of the vehicle (g N t^5/2 / sqrt(20) and N t^3/2 / sqrt(3) an axis).",
     )
