@@ -10,8 +10,8 @@ import pytest
 
 from schuler.data import ImuArray, Mounting
 from schuler.errors import EstimationError, InputError
-from schuler.fuse.calibration.door import (
-    calibrate_array,
+from schuler.fuse.calibration.door import calibrate_array
+from schuler.fuse.calibration.judging import (
     disagreement_after,
     mean_slope,
     track_phases,
@@ -238,7 +238,7 @@ def test_the_board_of_eight_agrees_after_calibration_on_another_run(data_folder:
     array = read_array(folder / "run4.parquet")
     used = with_biases_at_rest(calibration, array)
     masked, _ = mask_saturated(array)
-    slope = mean_slope(array, np.linalg.inv(used.gyro_sensor), used.gyro_bias)
+    slope = mean_slope(array, used.gyro_correction, used.gyro_bias)
     found = disagreement_after(used, masked, track_phases(used, array), slope=slope)
     reached = {(d.quantity, d.condition): d for d in found}
     for key, rms, robust in (

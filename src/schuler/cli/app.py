@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from schuler import __version__
+from schuler.cli.calibrate import calibrate
 from schuler.cli.characterize import characterize
 from schuler.cli.console import say
 from schuler.cli.demo import demo
@@ -41,7 +42,9 @@ app = App(
     default_parameter=Parameter(negative=(), show_default=_show_default),
     suppress_keyboard_interrupt=False,
 )
-for _command in (demo, characterize, navigate, outages, simulate, export, reproduce, warm):
+for _command in (
+    demo, characterize, calibrate, navigate, outages, simulate, export, reproduce, warm,
+):  # fmt: skip
     app.command(_command)
 
 

@@ -51,5 +51,18 @@ def _outages() -> None:
     evaluate_outages(drive.imu, drive.gnss, example_noise(), windows=((60.0, 10.0),))
 
 
-REHEARSALS: tuple[Callable[[], None], ...] = (_characterize, _methods, _navigate, _outages)
+def _arrays() -> None:
+    import numpy as np
+
+    from schuler.data import ImuArray, Mounting
+    from schuler.fuse.clocks.jumps import find_jumps
+
+    rng = np.random.default_rng(3)
+    time = np.arange(1000) / 100.0
+    wave = np.sin(2.0 * np.pi * np.array([0.4, 0.7, 1.1]) * time[:, None])
+    rates = wave[:, None] + 1e-3 * rng.standard_normal((1000, 3, 3))
+    find_jumps(ImuArray(time, rates, np.zeros((1000, 3, 3)), Mounting.aligned(3)))
+
+
+REHEARSALS: tuple[Callable[[], None], ...] = (_characterize, _methods, _navigate, _outages, _arrays)
 """Each calls a part of the kernels."""

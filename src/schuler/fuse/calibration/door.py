@@ -1,29 +1,28 @@
-"""One door: `calibrate_array`, and what a calibration does on another recording."""
+"""One door: `calibrate_array`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.data import ImuArray
 from schuler.data._checks import FloatArray
-from schuler.errors import EstimationError, InputError
-from schuler.fuse.calibration.accelerometers import (
-    AccelerometerFit,
-    arm_matrix,
-    fit_accelerometers,
-)
-from schuler.fuse.calibration.disagreement import Disagreement, measure_disagreement
+from schuler.errors import InputError
+from schuler.fuse.calibration.accelerometers import AccelerometerFit, fit_accelerometers
 from schuler.fuse.calibration.findings import findings_of
-from schuler.fuse.calibration.gyros import GyroFit, GyroModel, Timing, fit_gyros, rest_biases
+from schuler.fuse.calibration.gyros import GyroFit, GyroModel, Timing, fit_gyros
+from schuler.fuse.calibration.judging import (
+    disagreement_after,
+    mean_slope,
+    nominal_disagreement,
+)
 from schuler.fuse.calibration.poses import STANDARD_GRAVITY, PoseFit, fit_poses
 from schuler.fuse.calibration.result import ArrayCalibration
-from schuler.fuse.calibration.rows import MARGIN, Rests, find_rests, mask_saturated
+from schuler.fuse.calibration.rows import MARGIN, Rests, find_rests, low_passed, mask_saturated
 from schuler.fuse.clocks.delays import require_several, shift
-from schuler.fuse.clocks.polling import PollingTrack, sharpened_slope, track_polling
-from schuler.fuse.clocks.resampling import low_pass, rate_of_change
+from schuler.fuse.clocks.polling import sharpened_slope
+from schuler.fuse.clocks.resampling import rate_of_change
 
 ALIKE = 0.5
 """Share of exactly equal rows above which a sensor is a copy of another."""
@@ -82,7 +81,7 @@ def calibrate_array(
     _no_copies(array)
     masked, saturated = mask_saturated(array, margin)
     rests = find_rests(masked)
-    used = masked if bandwidth is None else _filtered(masked, bandwidth)
+    used = masked if bandwidth is None else low_passed(masked, bandwidth)
     polled: Timing = "constant" if bandwidth is not None and timing == "auto" else timing
     gyros = fit_gyros(
         used.time, used.gyro, used.mounting.rotation, rests, model=gyro_model, timing=polled,
@@ -106,7 +105,7 @@ def calibrate_array(
             mean_sensor=np.asarray(np.linalg.inv(poses.matrix), dtype=np.float64),
         )  # fmt: skip
     calibration = _assemble(array, gyros, forces, poses, rests)
-    before = _nominal(used, gyros, rests)
+    before = nominal_disagreement(calibration, used, rests)
     after = disagreement_after(calibration, used, gyros.track, rests, motion.slope)
     found = findings_of(array, gyros, forces, poses, rests, saturated, before, after)
     return replace(calibration, before=before, after=after, findings=found)
@@ -133,191 +132,6 @@ class _Motion:
             self.acceleration = sharpened_slope(residual, self.moved, self.slope, gyros.noise)
 
 
-def mean_slope(array: ImuArray, correction: FloatArray, bias: FloatArray) -> FloatArray:
-    """Return the derivative of the mean rate, from samples that are not saturated themselves.
-
-    Parameters
-    ----------
-    array : ImuArray
-        As recorded, without a margin around saturated samples.
-    correction : (k, 3, 3) ndarray
-        From a reading less its bias to the body.
-    bias : (k, 3) ndarray
-        rad/s.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        rad/s²; NaN where too few neighbours are there.
-    """
-    masked, _ = mask_saturated(array, margin=0)
-    body = np.einsum("kij,nkj->nki", correction, masked.gyro - bias)
-    return rate_of_change(array.time, np.asarray(body.mean(axis=1)))
-
-
-def track_phases(
-    calibration: ArrayCalibration, array: ImuArray, *, margin: int = MARGIN
-) -> PollingTrack | None:
-    """Track the sampling phases of polled chips in a recording.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs, from another or the same recording.
-    array : ImuArray
-        The recording.
-    margin : int
-        Samples around saturated ones that are not used either.
-
-    Returns
-    -------
-    PollingTrack or None
-        Found from this recording alone, with the period of the calibration; None where the chips
-        are read in step.
-
-    Raises
-    ------
-    InputError
-        Another number of IMUs.
-    """
-    if calibration.period is None:
-        return None
-    body = replace(calibration, delay=np.zeros(calibration.count)).apply(
-        mask_saturated(array, margin)[0]
-    )
-    mean = np.asarray(body.gyro.mean(axis=1))
-    slope = rate_of_change(array.time, mean)
-    residual = body.gyro - mean[:, None]
-    return track_polling(array.time, residual, slope, calibration.noise, period=calibration.period)
-
-
-def with_biases_at_rest(calibration: ArrayCalibration, array: ImuArray) -> ArrayCalibration:
-    """Return the calibration with the biases that a recording shows at rest.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs.
-    array : ImuArray
-        With rests. Biases change from switching on to switching on; axes, scale and lever arms do
-        not.
-
-    Returns
-    -------
-    ArrayCalibration
-        Gyros: the median reading at rest. Accelerometers: the differences from the mean at rest.
-
-    Raises
-    ------
-    EstimationError
-        Nowhere at rest.
-    """
-    rests = find_rests(array)
-    if rests.count == 0:
-        raise EstimationError(
-            "the array is nowhere at rest",
-            expected="at least two seconds of rest",
-            cure="keep the biases of the calibration",
-        )
-    gyro, gyro_sd = rest_biases(array.gyro, rests)
-    still = np.where(rests.rows[:, None, None], array.accel, np.nan)
-    body = np.einsum(
-        "kij,nkj->nki", np.linalg.inv(calibration.accel_sensor), still - calibration.accel_bias
-    )
-    apart = body - body.mean(axis=1, keepdims=True)
-    change, change_sd = rest_biases(apart, rests)
-    change = np.einsum("kij,kj->ki", calibration.accel_sensor, change)
-    return replace(
-        calibration,
-        gyro_bias=gyro,
-        gyro_bias_sd=gyro_sd,
-        accel_bias=calibration.accel_bias + change,
-        accel_bias_sd=np.hypot(calibration.accel_bias_sd, change_sd),
-    )
-
-
-def disagreement_after(
-    calibration: ArrayCalibration,
-    array: ImuArray,
-    track: PollingTrack | None,
-    rests: Rests | None = None,
-    slope: FloatArray | None = None,
-    *,
-    sharpen: bool = False,
-) -> tuple[Disagreement, ...]:
-    """Measure how far the calibrated sensors of a recording are apart.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs.
-    array : ImuArray
-        In the sensors' own axes, saturated samples masked with their margin.
-    track : PollingTrack, optional
-        Sampling phases of this recording.
-    rests : Rests, optional
-        Found if not given.
-    slope : (n, 3) ndarray, optional
-        Derivative of the mean rate (`mean_slope`); from the array itself if not given.
-    sharpen : bool
-        Use the derivative that the polled chips show themselves (`sharpened_slope`): it takes
-        three numbers from each sample's 3 (k - 1).
-
-    Returns
-    -------
-    tuple of Disagreement
-        Gyros, then accelerometers (with lever arms taken off), each component minus the mean of
-        all sensors, at rest and in classes of the mean rate.
-    """
-    rests = find_rests(array) if rests is None else rests
-    gyro, accel, rate = residuals_after(calibration, array, track, slope, sharpen=sharpen)
-    found = measure_disagreement(gyro, rate, rests, "gyro")
-    if not np.isnan(accel).all():
-        found = (*found, *measure_disagreement(accel, rate, rests, "accel"))
-    return found
-
-
-def residuals_after(
-    calibration: ArrayCalibration,
-    array: ImuArray,
-    track: PollingTrack | None,
-    slope: FloatArray | None = None,
-    *,
-    sharpen: bool = False,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return every calibrated sensor minus the mean of all, and the mean rate.
-
-    Parameters
-    ----------
-    calibration, array, track, slope, sharpen
-        As in `disagreement_after`.
-
-    Returns
-    -------
-    gyro, accel : (n, k, 3) ndarray
-        rad/s and m/s².
-    rate : (n, 3) ndarray
-        rad/s.
-    """
-    body = calibration.apply(array) if track is None else replace(
-        calibration, delay=np.zeros(calibration.count)
-    ).apply(array)  # fmt: skip
-    rate = np.asarray(body.gyro.mean(axis=1))
-    gyro = body.gyro - rate[:, None]
-    slope = rate_of_change(array.time, rate) if slope is None else slope
-    acceleration = slope
-    if track is not None:
-        moved = track.relative_delay(array.time)
-        acceleration = sharpened_slope(gyro, moved, slope, calibration.noise)
-        gyro = gyro + moved[..., None] * (acceleration if sharpen else slope)[:, None]
-    arms = calibration.position - calibration.position.mean(axis=0)
-    accel = body.accel - np.einsum("nij,kj->nki", arm_matrix(rate, acceleration), arms)
-    if track is not None:
-        force_slope = rate_of_change(array.time, np.asarray(accel.mean(axis=1)))
-        accel = accel + moved[..., None] * np.nan_to_num(force_slope)[:, None]
-    return gyro, np.asarray(accel - accel.mean(axis=1, keepdims=True)), rate
-
-
 def _no_copies(array: ImuArray) -> None:
     for i in range(array.count):
         for j in range(i):
@@ -333,13 +147,6 @@ def _no_copies(array: ImuArray) -> None:
                     expected="sensors with noise of their own",
                     cure="leave one of them out, or check the columns",
                 )
-
-
-def _filtered(array: ImuArray, bandwidth: float) -> ImuArray:
-    shape = array.gyro.shape
-    gyro = low_pass(array.time, array.gyro.reshape(array.size, -1), bandwidth).reshape(shape)
-    accel = low_pass(array.time, array.accel.reshape(array.size, -1), bandwidth).reshape(shape)
-    return replace(array, gyro=gyro, accel=accel)
 
 
 def _poses(
@@ -391,18 +198,3 @@ def _assemble(
         gyros.noise, rests.count,
         None if poses is None else (poses.before, poses.deviation),
     )  # fmt: skip
-
-
-def _nominal(array: ImuArray, gyros: GyroFit, rests: Rests) -> tuple[Disagreement, ...]:
-    """Disagreement by the nominal mounting, biases taken off, nothing else corrected."""
-    values = []
-    for sensors in (array.gyro, array.accel):
-        turned = np.einsum("kij,nkj->nki", gyros.start, sensors)
-        apart = turned - turned.mean(axis=1, keepdims=True)
-        rows: NDArray[np.bool_] = rests.rows if rests.count else np.ones(array.size, dtype=bool)
-        values.append(apart - np.nanmedian(apart[rows], axis=0))
-    rate = np.einsum("kij,nkj->nki", gyros.correction, array.gyro - gyros.bias).mean(axis=1)
-    found = measure_disagreement(values[0], rate, rests, "gyro")
-    if not np.isnan(values[1]).all():
-        found = (*found, *measure_disagreement(values[1], rate, rests, "accel"))
-    return found

@@ -130,6 +130,16 @@ class ArrayCalibration:
         return Mounting(orthonormalize(np.swapaxes(self.gyro_sensor, 1, 2)), self.position)
 
     @property
+    def gyro_correction(self) -> FloatArray:
+        """(k, 3, 3) matrices from a gyro reading less its bias to the body's rate."""
+        return np.asarray(np.linalg.inv(self.gyro_sensor), dtype=np.float64)
+
+    @property
+    def accel_correction(self) -> FloatArray:
+        """(k, 3, 3) matrices from an accelerometer reading less its bias to the body's force."""
+        return np.asarray(np.linalg.inv(self.accel_sensor), dtype=np.float64)
+
+    @property
     def gyro_deviation(self) -> FloatArray:
         """(k, 3, 3) nominal @ gyro_sensor - I: scale, turn and misalignment of the gyros."""
         return np.asarray(self.nominal @ self.gyro_sensor - np.eye(3))
@@ -154,6 +164,21 @@ class ArrayCalibration:
     def accel_scale(self) -> FloatArray:
         """(k, 3) scale error of each accelerometer."""
         return np.asarray(np.linalg.norm(self.accel_sensor, axis=2) - 1.0)
+
+    @property
+    def gyro_scale_sd(self) -> FloatArray:
+        """(k, 3) standard deviations of `gyro_scale`."""
+        return self._scale_sd(self.gyro_deviation_sd)
+
+    @property
+    def accel_scale_sd(self) -> FloatArray:
+        """(k, 3) standard deviations of `accel_scale`."""
+        return self._scale_sd(self.accel_deviation_sd)
+
+    def _scale_sd(self, deviation_sd: FloatArray) -> FloatArray:
+        """From the axes of the body to those of the sensor."""
+        diagonal = np.diagonal(deviation_sd, axis1=1, axis2=2) ** 2
+        return np.asarray(np.sqrt(np.einsum("kji,kj->ki", self.nominal**2, diagonal)))
 
     @property
     def turn_sd(self) -> FloatArray:
@@ -186,14 +211,14 @@ class ArrayCalibration:
         InputError
             Another number of IMUs.
         """
-        self._check_fits(array)
+        self.check_fits(array)
         gyro, accel = array.gyro, array.accel
         if track is None and np.abs(self.delay).max() > 1e-7:
             gyro = shift(array.time, gyro, self.delay)
             if not np.isnan(accel).all():
                 accel = shift(array.time, accel, self.delay)
-        gyro = np.einsum("kij,nkj->nki", np.linalg.inv(self.gyro_sensor), gyro - self.gyro_bias)
-        accel = np.einsum("kij,nkj->nki", np.linalg.inv(self.accel_sensor), accel - self.accel_bias)
+        gyro = np.einsum("kij,nkj->nki", self.gyro_correction, gyro - self.gyro_bias)
+        accel = np.einsum("kij,nkj->nki", self.accel_correction, accel - self.accel_bias)
         lines = ["calibrated"]
         if track is not None:
             moved = track.relative_delay(array.time)[..., None]
@@ -209,7 +234,19 @@ class ArrayCalibration:
             history=(*array.history, *lines),
         )
 
-    def _check_fits(self, array: ImuArray) -> None:
+    def check_fits(self, array: ImuArray) -> None:
+        """Raise when an array has another number of IMUs.
+
+        Parameters
+        ----------
+        array : ImuArray
+            What is to be calibrated.
+
+        Raises
+        ------
+        InputError
+            Another number.
+        """
         if array.count != self.count:
             raise InputError(
                 f"a calibration of {self.count} IMUs and an array of {array.count}",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from schuler.characterize.screening_motion import look_at_rest
 from schuler.characterize.screening_values import saturation_limits
 from schuler.data import ImuArray, ImuRecording
+from schuler.fuse.clocks.resampling import low_pass
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -130,3 +131,31 @@ def _whole(array: ImuArray, imu: int) -> ImuRecording:
                 column[gaps] = np.interp(array.time[gaps], array.time[~gaps], column[~gaps])
         columns.append(filled)
     return ImuRecording(array.time, columns[0], columns[1], name=array.names[imu])
+
+
+def low_passed(array: ImuArray, bandwidth: float) -> ImuArray:
+    """Low-pass all sensors of an array without delay.
+
+    Parameters
+    ----------
+    array : ImuArray
+        NaN where values are missing.
+    bandwidth : float
+        Hz, see `low_pass`.
+
+    Returns
+    -------
+    ImuArray
+        Values around gaps are missing, too.
+
+    Raises
+    ------
+    InputError
+        A bandwidth that is not between zero and half the rate.
+    """
+    gyro, accel = (
+        low_pass(array.time, v.reshape(array.size, -1), bandwidth).reshape(v.shape)
+        for v in (array.gyro, array.accel)
+    )
+    line = f"low-passed to {bandwidth:g} Hz"
+    return replace(array, gyro=gyro, accel=accel, history=(*array.history, line))

@@ -19,6 +19,7 @@ _HOMES = {
     "schuler.evaluate": "outages",
     "schuler.studies.reproduction": "reproduction",
     "schuler.evaluate.error_model_comparison": "error_models",
+    "schuler.fuse.calibration.review": "calibration",
     "schuler.report.sections.navigation": "navigation",
     "schuler.report.sections.simulation": "simulation",
     "schuler.report.sections.outages": "outages",

@@ -1,0 +1,228 @@
+"""`schuler calibrate`: the IMUs of an array against each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from schuler.cli.reading import ImuReading
+
+if TYPE_CHECKING:
+    from schuler.cli.console import Screen
+    from schuler.fuse.calibration.result import ArrayCalibration
+    from schuler.fuse.calibration.review import CalibrationReview
+
+
+def calibrate(
+    files: Annotated[tuple[Path, ...], Parameter(name="FILES", negative=())],
+    /,
+    *,
+    out: Path | None = None,
+    on: tuple[Path, ...] = (),
+    report: Path | None = None,
+    json: Path | None = None,
+    clocks: Literal["auto", "shared", "own"] = "auto",
+    model: Literal["matrix", "rotation"] = "matrix",
+    timing: Literal["auto", "none", "constant", "polled"] = "auto",
+    bandwidth: float | None = None,
+    gravity: float = 9.80665,
+    most: float | None = None,
+    reading: Annotated[ImuReading | None, Parameter(name="*")] = None,
+) -> int:
+    """Calibrate the IMUs of an array against each other.
+
+    From a recording of the array lying in several poses and being turned by hand about all axes:
+    how the IMUs are turned, scale and misalignment, lever arms, biases, delays, each with its
+    standard error, and how far the sensors are apart before and after.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        One file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
+    out : Path, optional
+        Write the calibration as YAML here.
+    on : tuple of Path
+        Another recording of the same array to judge the calibration on. May be repeated.
+    report : Path, optional
+        Write a self-contained HTML page here.
+    json : Path, optional
+        Write all results in SI here; - for standard output.
+    clocks : {"auto", "shared", "own"}
+        Whether the files share a clock; "own": offset and rate of each are found.
+    model : {"matrix", "rotation"}
+        All nine elements of each triad, or turns alone, for poor motion.
+    timing : {"auto", "none", "constant", "polled"}
+        Delays between the IMUs.
+    bandwidth : float, optional
+        Low-pass everything to this first, Hz, where vibration is not shared.
+    gravity : float
+        Local gravity, m/s^2.
+    most : float, optional
+        Exit with code 1 when the gyros disagree by more than this on any judged recording, rms in
+        deg/s in the slowest class of motion.
+    reading : ImuReading, optional
+        How to read the files.
+    """
+    from schuler.cli.console import Screen, say
+    from schuler.cli.loading import say_when_compiling
+    from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.cli.provenance import command_provenance
+    from schuler.scale.progress import progress
+
+    outputs = Outputs(out, report, json, inputs=(*files, *on))
+    say_when_compiling()
+    how = (reading or ImuReading()).options()
+    with progress(f"Reading {', '.join(f.name for f in files)}"):
+        from schuler.fuse.reading import read_array
+
+        array = read_array(files if len(files) != 1 else files[0], clocks=clocks, **how)
+        others = [(f.stem, read_array(f, clocks=clocks, **how)) for f in on]
+    with progress("Calibrating"):
+        from schuler.fuse.calibration.door import calibrate_array
+        from schuler.fuse.calibration.review import review_calibration
+
+        found = calibrate_array(
+            array, gyro_model=model, accel_model=model, timing=timing, bandwidth=bandwidth,
+            gravity=gravity,
+        )  # fmt: skip
+        name = files[0].stem if len(files) == 1 else f"{len(files)} files"
+        review = review_calibration(found, array, name, others, bandwidth=bandwidth)
+    origin = command_provenance(
+        inputs=(*files, *on), settings={"model": model, "timing": timing, "bandwidth": bandwidth}
+    )
+    if report is not None:
+        from schuler.report import render_report
+
+        page = render_report(review, title=f"Calibration of {name}", provenance=origin)
+        outputs.text(report, lambda: page)
+    outputs.text(out, found.to_yaml)
+    outputs.text(json, lambda: json_text(_plain(review) | {"provenance": origin.to_dict()}))
+    written = outputs.commit()
+    show_calibration(Screen(json_on_stdout=json == STDOUT), review, written)
+    worst = worst_of(review)
+    if most is not None and not worst <= most:
+        say(f"check failed: gyros disagree by {worst:.3g} deg/s rms, at most {most:g} wanted")
+        return 1
+    return 0
+
+
+def worst_of(review: CalibrationReview) -> float:
+    """Return the largest rms of the gyros in the slowest class of motion, deg/s.
+
+    Parameters
+    ----------
+    review : CalibrationReview
+        With judged recordings.
+
+    Returns
+    -------
+    float
+        Over the recordings.
+    """
+    import math
+
+    slowest = [
+        next((d.rms for d in j.calibrated if d.quantity == "gyro" and d.limit > 0.0), math.nan)
+        for j in review.judgements
+    ]
+    return math.degrees(max(slowest))
+
+
+def _plain(review: CalibrationReview) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "calibration": review.calibration.to_dict(),
+        "judged": [
+            {
+                "name": j.name,
+                "estimated_on_it": j.estimated,
+                "nominal": [asdict(d) for d in j.nominal],
+                "calibrated": [asdict(d) for d in j.calibrated],
+                "sharpened": [asdict(d) for d in j.sharpened],
+            }
+            for j in review.judgements
+        ],
+    }
+
+
+def show_calibration(
+    screen: Screen, review: CalibrationReview, written: tuple[Path, ...] = ()
+) -> None:
+    """Print what was found and what it is worth.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    review : CalibrationReview
+        What was found.
+    written : tuple of Path
+        Files that were written.
+    """
+    import numpy as np
+
+    one = review.calibration
+    screen.heading(f"Calibration of {one.count} IMUs", f"{one.rests} static poses")
+    columns, rows = parameter_rows(one)
+    screen.table(columns, rows, words=2)
+    for judged in review.judgements:
+        nominal = {(d.quantity, d.condition): d for d in judged.nominal}
+        lines = []
+        for d in judged.calibrated:
+            factor = np.degrees(1.0) if d.quantity == "gyro" else 1.0
+            before = nominal.get((d.quantity, d.condition))
+            lines.append(
+                (
+                    "gyros, deg/s" if d.quantity == "gyro" else "accelerometers, m/s²",
+                    d.condition,
+                    "–" if before is None else f"{factor * before.rms:.3f}",
+                    f"{factor * d.rms:.3f}",
+                    f"{factor * d.robust:.3f}",
+                )
+            )
+        screen.line(f"{judged.name}: sensor minus mean (estimated on it: {judged.estimated})")
+        screen.table(("", "", "nominal rms", "rms", "1.48 MAD"), lines, words=2)
+    for text in one.findings:
+        screen.finding("info", text)
+    for path in written:
+        screen.line(f"wrote {path}", "dim")
+
+
+def parameter_rows(one: ArrayCalibration) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return the table of one calibration: an axis a row, standard errors in brackets.
+
+    Parameters
+    ----------
+    one : ArrayCalibration
+        What was found.
+
+    Returns
+    -------
+    columns : tuple of str
+        Headings.
+    rows : list of tuple of str
+        Cells.
+    """
+    import numpy as np
+
+    from schuler.report.numbers import compact_with_error
+
+    polled = one.period is not None
+    columns = ("IMU", "", "turn, deg", "gyro scale, %", "accel scale, %", "lever arm, mm")
+    pairs = (
+        (np.degrees(one.turn), np.degrees(one.turn_sd)),
+        (100.0 * one.gyro_scale, 100.0 * one.gyro_scale_sd),
+        (100.0 * one.accel_scale, 100.0 * one.accel_scale_sd),
+        (1e3 * one.position, 1e3 * one.position_sd),
+    )
+    rows: list[tuple[str, ...]] = []
+    for i, name in enumerate(one.names):
+        delay = compact_with_error(1e3 * float(one.delay[i]), 1e3 * float(one.delay_sd[i]))
+        last = f"{one.beat[i]:+.2f}" if polled else delay
+        for c, letter in enumerate("xyz"):
+            cells = [compact_with_error(float(v[i, c]), float(e[i, c])) for v, e in pairs]
+            rows.append((name if c == 0 else "", letter, *cells, last if c == 0 else ""))
+    return (*columns, "beat, Hz" if polled else "delay, ms"), rows

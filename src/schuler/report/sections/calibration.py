@@ -1,0 +1,313 @@
+"""Calibration between the IMUs of an array: before and after, phases, places, parameters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from schuler.fuse.calibration.disagreement import Disagreement
+from schuler.fuse.calibration.result import ArrayCalibration
+from schuler.fuse.calibration.review import CalibrationReview, Judgement, PhaseView, RateCurve
+from schuler.report.blocks import (
+    Block,
+    Facts,
+    Figure,
+    FigureGrid,
+    Finding,
+    Findings,
+    LegendItem,
+    Section,
+    Table,
+)
+from schuler.report.figures import axis, encode, limits, line, marks
+from schuler.report.numbers import MISSING, compact_with_error, number
+from schuler.report.sections.registry import register
+
+CURVES = {
+    "nominal mounting": "@walk",
+    "calibrated": "@other",
+    "and phases tracked": "@data",
+    "and the chips' own derivative": "@z",
+}
+IMU_COLOURS = ("@x", "@y", "@z", "@markov", "@white", "@walk", "@other", "@mark")
+MOST_PHASES = 4
+
+
+@register
+def calibration_sections(result: CalibrationReview) -> tuple[Section, ...]:
+    """Show a calibration.
+
+    Parameters
+    ----------
+    result : CalibrationReview
+        With the recording it was fitted to, and others.
+
+    Returns
+    -------
+    tuple of Section
+        How far the sensors are apart, and what was found.
+    """
+    one = result.calibration
+    summary = _summary(result)
+    apart: list[Block] = [_facts(result), _curves(result.curves)]
+    apart += [_judgement(j) for j in result.judgements]
+    if result.phases is not None:
+        apart.append(_phases(result.phases, one))
+    apart.append(Findings(tuple(Finding("info", f"{t[:1].upper()}{t[1:]}.") for t in one.findings)))
+    return (
+        Section("Sensors against their mean", tuple(apart), summary),
+        Section("What was found", (_places(one), _table(one), *_matrices(one))),
+    )
+
+
+def _summary(result: CalibrationReview) -> tuple[str, ...]:
+    sentences = []
+    for judged in result.judgements:
+        pair = _fastest(judged)
+        if pair is None:
+            continue
+        before, after = pair
+        sentences.append(
+            f"{judged.name}: gyros {after.condition} disagree by "
+            f"{_value(after)[0]} deg/s rms, {_value(before)[0]} with the nominal mounting."
+        )
+    return tuple(sentences[:3])
+
+
+def _fastest(judged: Judgement) -> tuple[Disagreement, Disagreement] | None:
+    after = [d for d in judged.calibrated if d.quantity == "gyro" and d.limit > 0.0]
+    before = {d.condition: d for d in judged.nominal if d.quantity == "gyro"}
+    if not after or after[0].condition not in before:
+        return None
+    return before[after[0].condition], after[0]
+
+
+def _value(d: Disagreement) -> tuple[str, str]:
+    values = np.array([d.rms, d.robust])
+    values = np.degrees(values) if d.quantity == "gyro" else values
+    return number(float(values[0])), number(float(values[1]))
+
+
+def _facts(result: CalibrationReview) -> Facts:
+    one = result.calibration
+    largest = float(np.degrees(np.linalg.norm(one.turn, axis=1).max()))
+    items = [
+        ("IMUs", str(one.count)),
+        ("Static poses", str(one.rests)),
+        ("Largest turn from nominal", f"{number(largest)} deg"),
+        ("Gyro scale, largest", f"{number(100.0 * float(np.abs(one.gyro_scale).max()))} %"),
+    ]
+    if one.period is not None:
+        items.append(("Chips sample every", f"{1e3 * one.period:.3f} ms"))
+    elif np.ptp(one.delay) > 1e-6:
+        items.append(("Delays between IMUs", f"{number(1e3 * float(np.ptp(one.delay)))} ms"))
+    if one.gravity_fit is not None:
+        before, after = one.gravity_fit
+        items.append(("|force| over poses, sd", f"{number(before, 2)} → {number(after, 2)} m/s²"))
+    return Facts(tuple(items))
+
+
+def _curves(curves: tuple[RateCurve, ...]) -> FigureGrid:
+    figures = []
+    for quantity, words, unit in (
+        ("gyro", "Gyros", "deg/s"),
+        ("accel", "Accelerometers", "m/s²"),
+    ):
+        chosen = [c for c in curves if c.quantity == quantity]
+        if not chosen:
+            continue
+        factor = np.degrees(1.0) if quantity == "gyro" else 1.0
+        traces = [
+            line(np.degrees(c.rate), factor * c.rms, CURVES[c.name], c.name, width=2)
+            for c in chosen
+        ]
+        ends = np.concatenate([factor * c.rms for c in chosen])
+        rates = np.concatenate([np.degrees(c.rate[np.isfinite(c.rms)]) for c in chosen])
+        figures.append(
+            Figure(
+                f"{words} against the rate",
+                f"Rms of every {words.lower()[:-1]} minus the mean of all, by the mean rate, "
+                "before and after.",
+                tuple(traces),
+                {
+                    "xaxis": axis("mean rate in deg/s", log=True, limits=limits(rates, log=True)),
+                    "yaxis": axis(f"rms from the mean in {unit}", log=True,
+                                  limits=limits(ends, log=True)),
+                },
+                height=340,
+            )
+        )  # fmt: skip
+    names = list(dict.fromkeys(c.name for c in curves))
+    legend = tuple(LegendItem(n, CURVES[n]) for n in names)
+    return FigureGrid(
+        tuple(figures),
+        legend,
+        columns=2,
+        caption="Every component minus the mean of all sensors, rms over the rows of a class of "
+        "rates, the sensors and the axes; accelerometers with lever arms taken off except "
+        "with the nominal mounting.",
+    )
+
+
+def _judgement(judged: Judgement) -> Table:
+    nominal: dict[tuple[str, str], Disagreement] = {
+        (d.quantity, d.condition): d for d in judged.nominal
+    }
+    sharp: dict[tuple[str, str], Disagreement] = {
+        (d.quantity, d.condition): d for d in judged.sharpened if d.quantity == "gyro"
+    }
+    rows = []
+    for d in judged.calibrated:
+        key = (d.quantity, d.condition)
+        words = "gyros, deg/s" if d.quantity == "gyro" else "accelerometers, m/s²"
+        cells = [
+            f"{_value(x)[0]} / {_value(x)[1]}" if x is not None else MISSING
+            for x in (nominal.get(key), d, sharp.get(key))
+        ]
+        rows.append((words, d.condition, *(cells if sharp else cells[:2]), f"{d.values:,}"))
+    headings = ["sensors", "condition", "nominal mounting", "calibrated"]
+    headings += ["chips' own derivative"] if sharp else []
+    return Table(
+        f"{judged.name}: rms / 1.48 MAD of sensor minus mean",
+        (*headings, "values"),
+        tuple(rows),
+        words=(0, 1),
+        note=f"Estimated on this recording itself: {judged.estimated}. Rows around saturated "
+        "samples are not judged.",
+    )
+
+
+def _phases(view: PhaseView, one: ArrayCalibration) -> FigureGrid:
+    order = np.argsort(-np.abs(one.beat))
+    picked = order[np.linspace(0, order.size - 1, min(MOST_PHASES, order.size)).astype(int)]
+    figures = []
+    period = 1e3 * (one.period or 1e-3)
+    for i in dict.fromkeys(int(p) for p in picked):
+        colour = IMU_COLOURS[i % len(IMU_COLOURS)]
+        seen = 1e3 * view.seen[:, i]
+        figures.append(
+            Figure(
+                f"{one.names[i]}: {one.beat[i]:+.2f} Hz",
+                f"Age of the samples of {one.names[i]} against the mean age: as single samples "
+                "show it (points) and as tracked (line).",
+                (
+                    marks(view.time, seen, f"{colour}/0.55", "single samples", size=4),
+                    line(view.time, 1e3 * view.delay[:, i], "@model", "tracked", width=1.2),
+                ),
+                {
+                    "xaxis": axis("time in s"),
+                    "yaxis": axis("age less the mean, ms", limits=(-1.1 * period, 1.1 * period)),
+                },
+                height=240,
+            )
+        )
+    return FigureGrid(
+        tuple(figures),
+        (LegendItem("single samples", "@x", "point"), LegendItem("tracked", "@model")),
+        columns=2,
+        caption="Chips that run free and are polled: the age of a sample is a sawtooth of one "
+        "internal period, here less the mean age of all.",
+    )
+
+
+def _places(one: ArrayCalibration) -> FigureGrid:
+    figures = []
+    centre = one.position.mean(axis=0)
+    place = 1e3 * (one.position - centre)
+    error = 1e3 * one.position_sd
+    for (i, j), words in (((0, 1), "from above"), ((0, 2), "from the side")):
+        trace = marks(place[:, i], place[:, j], "@data", "IMU", size=9)
+        trace["mode"] = "markers+text"
+        trace["text"] = [str(k + 1) for k in range(one.count)]
+        # neighbours (both sides of a board) do not write over each other
+        trace["textposition"] = [
+            "top right" if k % 2 == 0 else "bottom left" for k in range(one.count)
+        ]
+        trace["hovertemplate"] = "IMU %{text}: %{x:.2f}, %{y:.2f} mm"
+        for key, sd in (("error_x", error[:, i]), ("error_y", error[:, j])):
+            trace[key] = {
+                "type": "data", "array": encode(2.0 * sd), "color": "@data", "thickness": 1.2,
+                "width": 3,
+            }  # fmt: skip
+        traces: list[dict[str, Any]] = [
+            marks(np.zeros(1), np.zeros(1), "@mark", "centre", symbol="cross-thin-open"),
+            trace,
+        ]
+        reach = 1.25 * float(np.abs(place).max() + 1e-9)
+        figures.append(
+            Figure(
+                f"Where the accelerometers sit, {words}",
+                f"Lever arms of the IMUs in the body, {words}, with twice their standard error.",
+                tuple(traces),
+                {
+                    "xaxis": axis(f"{'xyz'[i]} in mm", limits=(-reach, reach)),
+                    "yaxis": axis(f"{'xyz'[j]} in mm", limits=(-reach, reach), equal_to="x"),
+                },
+                height=380,
+            )
+        )
+    return FigureGrid(
+        tuple(figures),
+        columns=2,
+        caption="From the mean of all positions, in the axes of the body. Found from the force "
+        "that rotation adds; bars are two standard errors.",
+    )
+
+
+def _table(one: ArrayCalibration) -> Table:
+    rows = []
+    turn, turn_sd = np.degrees(one.turn), np.degrees(one.turn_sd)
+    bias, bias_sd = np.degrees(one.gyro_bias), np.degrees(one.gyro_bias_sd)
+    for i, name in enumerate(one.names):
+        for axis_number, letter in enumerate("xyz"):
+            c = axis_number
+            rows.append(
+                (
+                    name if c == 0 else "",
+                    letter,
+                    compact_with_error(turn[i, c], turn_sd[i, c]),
+                    compact_with_error(
+                        100.0 * one.gyro_scale[i, c], 100.0 * one.gyro_scale_sd[i, c]
+                    ),
+                    compact_with_error(bias[i, c], bias_sd[i, c]),
+                    compact_with_error(
+                        100.0 * one.accel_scale[i, c], 100.0 * one.accel_scale_sd[i, c]
+                    ),
+                    compact_with_error(one.accel_bias[i, c], one.accel_bias_sd[i, c]),
+                    compact_with_error(1e3 * one.position[i, c], 1e3 * one.position_sd[i, c]),
+                )
+            )
+    return Table(
+        "Parameters, the standard error of the last digits in brackets",
+        ("IMU", "axis", "turn, deg", "gyro scale, %", "gyro bias, deg/s", "accel scale, %",
+         "accel bias, m/s²", "lever arm, mm"),
+        tuple(rows),
+        words=(0, 1),
+        note="Turn: of the gyro triad against its nominal mounting, about the axes of the body. "
+        "Scales and biases by the sensor's own axes. The gauge is the mean of all IMUs.",
+    )  # fmt: skip
+
+
+def _matrices(one: ArrayCalibration) -> tuple[Block, ...]:
+    blocks: list[Block] = []
+    for words, deviation in (
+        ("Gyros", one.gyro_deviation),
+        ("Accelerometers", one.accel_deviation),
+    ):
+        rows = [
+            (name if r == 0 else "", "xyz"[r], *(f"{100.0 * v:+.3f}".replace("-", "−")
+                                                 for v in deviation[i, r]))
+            for i, name in enumerate(one.names)
+            for r in range(3)
+        ]  # fmt: skip
+        blocks.append(
+            Table(
+                f"{words}: what they show of the body's vector beyond one to one, %",
+                ("IMU", "shown", "of x", "of y", "of z"),
+                tuple(rows),
+                words=(0, 1),
+                folded=True,
+            )
+        )
+    return tuple(blocks)

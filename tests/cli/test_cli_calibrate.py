@@ -1,0 +1,82 @@
+"""`schuler calibrate` on a small array: table, files, page, checks, bad input."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from outcome import Outcome
+
+from schuler.fuse.calibration.result import ArrayCalibration
+from schuler.rotations import dcm_from_rotation_vector
+
+TURN = np.array([[0.02, 0.0, -0.01], [-0.03, 0.01, 0.0], [0.01, -0.01, 0.01]])
+ARM = np.array([[0.03, 0.0, 0.0], [-0.03, 0.02, 0.0], [0.0, -0.02, 0.0]])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """array.parquet of three IMUs (rest, then turning by hand), and the same with one mirrored."""
+    place = tmp_path_factory.mktemp("array")
+    rng = np.random.default_rng(5)
+    time = np.arange(4000) / 100.0
+    on = np.clip(time - 10.0, 0.0, 1.0)[:, None]
+    angle = 2.0 * np.pi * np.array([0.7, 1.1, 1.6]) * time[:, None]
+    pace = 2.0 * np.pi * np.array([0.7, 1.1, 1.6])
+    rate = 2.0 * on * np.sin(angle)
+    slope = 2.0 * (on * pace * np.cos(angle) + np.where((on > 0) & (on < 1), np.sin(angle), 0.0))
+    force = np.array([0.0, 0.0, 9.81]) + 3.0 * on * np.cos(1.3 * angle)
+    columns = {"time_s": time}
+    for k, turn in enumerate(dcm_from_rotation_vector(TURN)):
+        arm = np.cross(slope, ARM[k]) + np.cross(rate, np.cross(rate, ARM[k]))
+        gyro = rate @ turn + 1e-3 * rng.standard_normal((4000, 3))
+        accel = (force + arm) @ turn + 1e-2 * rng.standard_normal((4000, 3))
+        for j, axis in enumerate("xyz"):
+            columns[f"imu{k + 1}_gyro_{axis}_rad_s"] = gyro[:, j]
+            columns[f"imu{k + 1}_accel_{axis}_m_s2"] = accel[:, j]
+    pl.DataFrame(columns).write_parquet(place / "array.parquet")
+    columns["imu2_gyro_y_rad_s"] = -columns["imu2_gyro_y_rad_s"]
+    pl.DataFrame(columns).write_parquet(place / "mirrored.parquet")
+    return place
+
+
+def test_it_finds_turns_and_arms_and_writes_what_is_asked(
+    folder: Path, tmp_path: Path, call: Callable[..., Outcome]
+) -> None:
+    file = folder / "array.parquet"
+    yaml, page, result = (tmp_path / n for n in ("a.yaml", "a.html", "a.json"))
+    done = call("calibrate", file, "--on", file, "--out", yaml, "--report", page, "--json", result)
+    assert done.code == 0, done.err
+    assert "turn, deg" in done.out and "lever arm, mm" in done.out
+    found = ArrayCalibration.load(yaml)
+    np.testing.assert_allclose(found.turn, TURN, atol=1e-3)
+    np.testing.assert_allclose(found.position, ARM - ARM.mean(axis=0), atol=1e-3)
+    judged = json.loads(result.read_text())["judged"]
+    assert [j["name"] for j in judged] == ["array", "array"]
+    assert judged[1]["estimated_on_it"] == "biases at rest"
+    for one in judged:
+        gyro = {d["condition"]: d["rms"] for d in one["calibrated"] if d["quantity"] == "gyro"}
+        # three sensors of 1e-3 rad/s against their mean
+        assert gyro["below 500 deg/s"] == pytest.approx(1e-3 * np.sqrt(2.0 / 3.0), rel=0.05)
+        nominal = {d["condition"]: d["rms"] for d in one["nominal"] if d["quantity"] == "gyro"}
+        assert nominal["below 500 deg/s"] > 10 * gyro["below 500 deg/s"]
+    text = page.read_text()
+    assert "Sensors against their mean" in text and "Where the accelerometers sit" in text
+
+
+def test_a_check_that_fails_and_input_that_cannot_be(
+    folder: Path, tmp_path: Path, call: Callable[..., Outcome]
+) -> None:
+    done = call("calibrate", folder / "array.parquet", "--most", "0.001", "--model", "rotation")
+    assert done.code == 1 and "check failed: gyros disagree by" in done.err
+    done = call("calibrate", folder / "mirrored.parquet")
+    assert done.code == 2 and "left-handed" in done.one_line()
+    one = tmp_path / "one.csv"
+    one.write_text("time_s,gyro_x,gyro_y,gyro_z\n" + "".join(
+        f"{k / 100},{k % 7},{k % 5},{k % 3}\n" for k in range(50)))  # fmt: skip
+    assert "1 IMU in one.csv" in call("calibrate", one).one_line()
+    assert call("calibrate", folder / "array.parquet", "--bandwidth", "80").code == 2
