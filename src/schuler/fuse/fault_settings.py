@@ -39,6 +39,9 @@ class FaultSettings:
         How long it must behave before it is let back in, s; doubled each time.
     wander_time_constant : float
         Memory of how much larger smoothed residuals are than white noise makes them, s.
+    gyro_wander, accel_wander : float
+        Standard deviation of slow wander of a bias that is no fault, rad/s and m/s²: no test
+        looks for lasting faults much below five times that.
     scale_uncertainty : float
         Standard deviation of what scale factors and misalignments leave, as a share of the motion.
     delay_uncertainty : float
@@ -55,6 +58,8 @@ class FaultSettings:
     readmission: float = 3.0
     hold: float = 10.0
     wander_time_constant: float = 60.0
+    gyro_wander: float = np.radians(0.01)
+    accel_wander: float = 0.005
     scale_uncertainty: float = 0.0
     delay_uncertainty: float = 0.0
     online: OnlineSettings = field(default_factory=OnlineSettings)
@@ -69,7 +74,7 @@ class FaultSettings:
         if not (
             self.time_constants
             and all(v > 0.0 for v in (*positive, *self.time_constants, self.wander_time_constant))
-            and self.scale_uncertainty >= 0.0
+            and min(self.gyro_wander, self.accel_wander, self.scale_uncertainty) >= 0.0
             and self.delay_uncertainty >= 0.0
         ):
             raise InputError(
@@ -92,23 +97,25 @@ class FaultSettings:
             A residual smoothed over T is new about every 2 T: the false exclusions of an hour are
             spread over 3600 / (2 T) tests of every axis and unit, and over the time constants.
         """
-        from scipy.stats import chi2
+        from scipy.stats import chi2, f
 
         tests = len(self.time_constants) * (sensors.count + sensors.units)
-        probability = [
-            min(self.exclusions_per_hour * 2.0 * t / 3600.0 / tests, 0.01)
-            for t in self.time_constants
-        ]
+        probability = np.minimum(
+            self.exclusions_per_hour * 2.0 * np.asarray(self.time_constants) / 3600.0 / tests, 0.01
+        )
         size = int(np.bincount(sensors.unit).max())
+        # variances are estimates too: of as many samples as their memory is worth
+        memory = 2.0 * self.online.time_constant / sensors.step
         return Watch(
             time_constants=self.time_constants,
-            axis_threshold=tuple(float(chi2.isf(p, 1)) for p in probability),
-            unit_threshold=tuple(float(chi2.isf(p, size)) for p in probability),
+            axis_threshold=tuple(f.isf(probability, 1, memory).tolist()),
+            unit_threshold=tuple((size * f.isf(probability, size, size * memory)).tolist()),
             unit_margin=float(chi2.isf(self.unit_evidence, max(size - 1, 1))),
             spike=self.spike**2,
             readmission=self.readmission**2,
             hold=self.hold,
             factor_time_constant=self.wander_time_constant,
+            wander=self.gyro_wander if sensors.sensor == "gyro" else self.accel_wander,
         )
 
     def motion_variance(self, time: FloatArray, vectors: FloatArray) -> FloatArray | None:

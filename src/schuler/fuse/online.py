@@ -84,6 +84,8 @@ class Watch:
         How long it must, s.
     factor_time_constant : float
         Memory of the calibration of the smoothed residuals, s.
+    wander : float
+        Standard deviation of slow wander of a bias that is no fault, rad/s or m/s².
     """
 
     time_constants: tuple[float, ...]
@@ -94,6 +96,7 @@ class Watch:
     readmission: float
     hold: float
     factor_time_constant: float
+    wander: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -344,6 +347,8 @@ def follow_sensors(
         settings.clip**2,
         FLOOR if adapting else 0.0,
         float(gain),
+        np.inf if start is not None else float(first),
+        0.0 if watch is None else watch.wander**2,
         np.inf if watch is None else watch.spike,
         smoothing,
         np.asarray(() if watch is None else watch.axis_threshold, dtype=np.float64),

@@ -132,9 +132,9 @@ def smooth(
     theta : float
         Share of a block.
     noise_share : float
-        What smoothing leaves of the variance of a sample.
+        What smoothing, and the mean that is removed, leave of the variance of a sample.
     extra : float
-        Variance from motion, which smoothing does not lessen.
+        Variance from motion and wander, which smoothing does not lessen.
     factor : float
         How much larger than that the smoothed residuals have been.
     threshold : float
@@ -185,7 +185,7 @@ def find_fault(
     average : (J, M) ndarray
         Smoothed residuals.
     spread, extra : (J,) ndarray
-        What is left of the variance of a sample, and what motion adds.
+        What is left of the variance of a sample, and what motion and wander add.
     axis_threshold, unit_threshold : (J,) ndarray
         F beyond which an axis or a unit is faulty.
     unit_margin : float

@@ -273,6 +273,8 @@ def follow(
     clip: float,
     floor: float,
     bias_gain: float,
+    bias_samples: float,
+    wander: float,
     spike: float,
     smoothing: FloatArray,
     axis_threshold: FloatArray,
@@ -330,6 +332,10 @@ def follow(
         f²/q beyond which a residual counts as this much.
     bias_gain : float
         Share of a block in the differences of the biases; zero: they stay.
+    bias_samples : float
+        Samples behind the differences of the biases at the beginning; infinite: they are known.
+    wander : float
+        Variance of slow wander of a bias that is no fault.
     spike : float
         F of one axis in one sample beyond which the sample of this axis is not used.
     smoothing : (J,) ndarray
@@ -397,7 +403,9 @@ def follow(
     seen = np.zeros(total)
     working, one, worst = variance.copy(), np.ones(total), np.zeros(total)
     average, extra_average = np.zeros((scales, total)), np.zeros(scales)
-    noise_share, spread = smoothing / (2.0 - smoothing) / block, np.zeros(scales)
+    noise_share = smoothing / (2.0 - smoothing) / block
+    spread, slow = np.zeros(scales), np.zeros(scales)
+    steady_share = bias_gain / (2.0 - bias_gain) / block
     quiet, taken = np.zeros(total, np.int64), np.zeros(total, np.int64)
     unresolved = np.zeros(1, np.bool_)
     level, number = 0.0, 0
@@ -502,14 +510,19 @@ def follow(
                 means[m] = means[m] if means[m] == means[m] else 0.0
             shares[m] = min(seen[m] / block, 1.0)
             worst[m] = 0.0
+        # the bias differences are means of what has been seen so far, until memory fades
+        known = max(bias_samples, (b + 1.0) * block)
+        bias_share = max(1.0 / known, steady_share) if bias_samples < np.inf else steady_share
         for j in range(scales):
             extra_average[j] += smoothing[j] * (mean_extra - extra_average[j])
+            spread[j] = noise_share[j] + bias_share
+            slow[j] = extra_average[j] + wander
             size = smooth(
                 means,
                 shares,
                 smoothing[j],
-                noise_share[j],
-                extra_average[j],
+                spread[j],
+                slow[j],
                 factor[j],
                 axis_threshold[j],
                 average[j],
@@ -520,7 +533,8 @@ def follow(
             if size >= 0.0:
                 gain = factor_gain if b > learning else max(factor_gain, 1.0 / (b + 1.0))
                 factor[j] = max(factor[j] + gain * (size - factor[j]), 1.0)
-            spread[j] = noise_share[j] * factor[j]
+            spread[j] *= factor[j]
+            slow[j] *= factor[j]
         if bias_gain > 0.0:
             changed = gauge_count < 0
             for m in range(total):
@@ -529,14 +543,15 @@ def follow(
                 gauged[:] = use
                 gauge_count = arrange(axes, unit, one, gauged, gauge)
             if gauge_count > 0:
-                follow_biases(means, worst, bias_gain, axes, gauge, gauge_count, bias)
+                gain = max(bias_gain, block / known if b >= learning else 0.0)
+                follow_biases(means, worst, gain, axes, gauge, gauge_count, bias)
         smoothed[b] = 0.0
         if scales == 0 or b < learning:
             continue
         count, number = take_out(
             average,
             spread,
-            extra_average,
+            slow,
             axis_threshold,
             unit_threshold,
             unit_margin,
@@ -561,7 +576,7 @@ def follow(
         number = let_in(
             average,
             spread,
-            extra_average,
+            slow,
             readmission,
             axes,
             unit,
