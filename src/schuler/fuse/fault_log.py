@@ -83,7 +83,7 @@ class FaultRecord:
         size = ""
         if self.size is not None:
             kind = "angular rate" if self.sensor == "gyro" else "acceleration"
-            size = f", off by about {format_value(self.size, kind, digits=3)}"
+            size = f", off by {format_value(self.size, kind, digits=3)} so far"
         who = f"{what} of {self.name}" if self.kind == "unit" else f"{what} {self.name}"
         return line + f"{who} taken out{size} ({shown})"
 

@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 
 EVENTS = 10_000
 """Lines of the log of one kind of sensor that are kept."""
+COMMON = 0.25
+"""Memory of the level that all variances share, of the memory of each."""
 RECALL = 2.0
 """What was taken out this many seconds before most sensors contradict one another comes back."""
 MEDIAN_TO_DEVIATION = 1.4826
@@ -29,8 +31,8 @@ class OnlineSettings:
     Parameters
     ----------
     time_constant : float
-        Memory of the variances, s. Shorter follows faster; equal sensors then lose more by the
-        scatter of their weights.
+        Memory of the variances, s; their common level is followed four times as fast. Shorter
+        follows faster; equal sensors then lose more by the scatter of their weights.
     block : float
         Between two updates of weights, biases and tests, s.
     learning : float
@@ -42,7 +44,7 @@ class OnlineSettings:
     keep_biases : bool
         Biases of the sensors are not touched at all: what S000 (12) does at rest.
     clip : float
-        Deviations beyond which a residual counts as this much in all estimates.
+        Deviations beyond which the residuals of a sample are made smaller in all estimates.
     shrink : bool
         Variances are drawn together as far as chance explains their differences.
     """
@@ -316,6 +318,7 @@ def follow_sensors(
     if settings.bias_time_constant is not None and not settings.keep_biases:
         gain = 1.0 - np.exp(-seconds / settings.bias_time_constant)
     adaptation = 1.0 - np.exp(-seconds / settings.time_constant) if adapting else 0.0
+    common = 1.0 - np.exp(-seconds / (COMMON * settings.time_constant))
     scatter = 0.0
     if settings.shrink and adapting:
         pull = 1.0 - adaptation * (count - 3.0) / count
@@ -343,6 +346,7 @@ def follow_sensors(
         block,
         per_block,
         float(adaptation),
+        float(common),
         float(scatter),
         settings.clip**2,
         FLOOR if adapting else 0.0,

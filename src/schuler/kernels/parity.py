@@ -217,10 +217,12 @@ def find_fault(
             if size < 2 or size > 3:
                 continue
             value = unit_statistic(f, first, size, unit_testing, u)
-            value /= spread[j] + weight[first] * extra[j]
-            strongest = 0.0
+            strongest, most = 0.0, 0.0
             for a in range(first, first + size):
                 strongest = max(strongest, ratio[a])
+                most = max(most, weight[a])
+            # by the axis that is known best, so that motion is not blamed on a unit
+            value /= spread[j] + most * extra[j]
             if value - strongest > unit_margin and value > best * unit_threshold[j]:
                 best, chosen, chosen_unit, scale = value / unit_threshold[j], first, u, j
     return best, chosen, chosen_unit, scale

@@ -97,7 +97,9 @@ def median_of(values: FloatArray, use: BoolArray, work: FloatArray) -> float:
                 place -= 1
             work[place] = values[m]
             count += 1
-    return float(work[count // 2]) if count else 0.0
+    if count == 0:
+        return 0.0
+    return float(0.5 * (work[count // 2] + work[(count - 1) // 2]))
 
 
 @kernel(inline=True)
@@ -147,7 +149,7 @@ def tally(
     sums: FloatArray,
     squares: FloatArray,
 ) -> None:
-    """Add residuals and their ratios to the sums of the block, outliers with what is usual.
+    """Add residuals and their ratios to the sums of the block, outliers made smaller.
 
     Parameters
     ----------
@@ -156,7 +158,7 @@ def tally(
     best : float
         The largest ratio.
     clip : float
-        Ratio at which an outlier counts.
+        Largest ratio that counts as it is.
     count : int
         Axes in use.
     sums, squares : (M,) ndarray
@@ -167,16 +169,18 @@ def tally(
             sums[a] += f[a]
             squares[a] += ratio[a]
         return
+    # all residuals by the same share: their pattern is what tells who it was
+    share = clip / best
+    limit = np.sqrt(share)
     for a in range(count):
-        limit = np.sqrt(clip / ratio[a]) if ratio[a] > clip else 1.0
         sums[a] += limit * f[a]
-        squares[a] += min(ratio[a], clip)
+        squares[a] += share * ratio[a]
 
 
 @kernel()
 def follow_biases(
     means: FloatArray,
-    worst: FloatArray,
+    trust: FloatArray,
     gain: float,
     axes: FloatArray,
     plan: Plan,
@@ -189,8 +193,8 @@ def follow_biases(
     ----------
     means : (M,) ndarray
         Mean residuals of the block.
-    worst : (M,) ndarray
-        Largest F over its threshold; an axis that is suspect is left alone.
+    trust : (M,) ndarray
+        Share of the gain for each axis: less in motion, none for a suspect.
     gain : float
         Share of a block.
     axes : (M, 3) ndarray
@@ -204,14 +208,65 @@ def follow_biases(
     x0 = x1 = x2 = 0.0
     for a in range(count):
         m = active[a]
-        if worst[m] < 0.25:
-            x0 += pi[0, a] * means[m]
-            x1 += pi[1, a] * means[m]
-            x2 += pi[2, a] * means[m]
+        change = gain * trust[m] * means[m]
+        x0 += pi[0, a] * change
+        x1 += pi[1, a] * change
+        x2 += pi[2, a] * change
     for a in range(count):
         m = active[a]
-        if worst[m] < 0.25:
-            bias[m] += gain * (means[m] - axes[m, 0] * x0 - axes[m, 1] * x1 - axes[m, 2] * x2)
+        change = gain * trust[m] * means[m]
+        bias[m] += change - axes[m, 0] * x0 - axes[m, 1] * x1 - axes[m, 2] * x2
+
+
+@kernel()
+def follow_variances(
+    excess: FloatArray,
+    seen: FloatArray,
+    use: BoolArray,
+    block: int,
+    adaptation: float,
+    common: float,
+    variance: FloatArray,
+    work: FloatArray,
+    ratio: FloatArray,
+) -> None:
+    """Let variances follow the squares of a block: their common level soon, each one slowly.
+
+    What all axes do together is known from all of them, so it can be followed with a short
+    memory; by its median, so that one axis does not move the others.
+
+    Parameters
+    ----------
+    excess, seen : (M,) ndarray
+        Sums of f²/q of the block, and of how many samples.
+    use : (M,) ndarray of bool
+        Axes in use.
+    block : int
+        Samples of a block.
+    adaptation, common : float
+        Share of a block in each variance, and in the common level.
+    variance : (M,) ndarray
+        Brought up to date.
+    work, ratio : (M,) ndarray
+        Work space.
+    """
+    number, samples = 0, 0.0
+    for m in range(variance.size):
+        ratio[m] = excess[m] / seen[m] if seen[m] > 0.0 else 1.0
+        if use[m] and seen[m] > 0.0:
+            number += 1
+            samples += seen[m]
+    if number == 0:
+        return
+    # median of a mean of squares (Wilson and Hilferty)
+    middle = (1.0 - 2.0 * number / (9.0 * samples)) ** 3
+    level = median_of(ratio, use, work) / middle
+    level = min(max(level, 0.25), 4.0)
+    for m in range(variance.size):
+        if use[m] and seen[m] > 0.0:
+            share = adaptation * seen[m] / block
+            own = 1.0 + share * (ratio[m] / level - 1.0)
+            variance[m] *= (1.0 + common * (level - 1.0)) * own
 
 
 @kernel()
@@ -269,6 +324,7 @@ def follow(
     block: int,
     given: FloatArray,
     adaptation: float,
+    common: float,
     scatter: float,
     clip: float,
     floor: float,
@@ -324,12 +380,12 @@ def follow(
         Samples in a block.
     given : (blocks, M) or (0, M) ndarray
         Variances to use in each block; empty: estimated on line.
-    adaptation : float
-        Share of a block in the estimated variances.
+    adaptation, common : float
+        Share of a block in the estimated variances, and in their common level.
     scatter, floor
         For `working_variances`; the floor is a share of the median.
     clip : float
-        f²/q beyond which a residual counts as this much.
+        Largest f²/q that counts as it is; residuals with a larger one are made smaller together.
     bias_gain : float
         Share of a block in the differences of the biases; zero: they stay.
     bias_samples : float
@@ -400,6 +456,7 @@ def follow(
     y, f, f_spare, ratio = np.zeros(total), np.zeros(total), np.zeros(total), np.zeros(total)
     sums, squares = np.zeros(total), np.zeros(total)
     means, excess, shares = np.zeros(total), np.zeros(total), np.zeros(total)
+    trust = np.zeros(total)
     seen = np.zeros(total)
     working, one, worst = variance.copy(), np.ones(total), np.zeros(total)
     average, extra_average = np.zeros((scales, total)), np.zeros(scales)
@@ -408,7 +465,7 @@ def follow(
     steady_share = bias_gain / (2.0 - bias_gain) / block
     quiet, taken = np.zeros(total, np.int64), np.zeros(total, np.int64)
     unresolved = np.zeros(1, np.bool_)
-    level, number = 0.0, 0
+    level, number, mean_extra = 0.0, 0, 0.0
     with_extra, adapting = extra.size > 0, given.shape[0] == 0
     for b in range((n + block - 1) // block):
         start, stop = b * block, min(n, (b + 1) * block)
@@ -426,6 +483,9 @@ def follow(
         else:
             working[:] = given[b]
         variances[b] = working
+        motion = max(mean_extra, extra[start]) if with_extra else 0.0
+        for m in range(total):
+            working[m] += motion
         count = arrange(axes, unit, working, use, plan)
         freedom[b] = max(count - 3, 0)
         if count < 0:
@@ -441,7 +501,8 @@ def follow(
         covariance[b, 5] = inverse[2, 2]
         sums[:] = 0.0
         squares[:] = 0.0
-        whole, mean_extra = 0, 0.0
+        whole = 0
+        mean_extra = np.mean(extra[start:stop]) if with_extra else 0.0
         for t in range(start, stop):
             load_sample(measurements, t, arm_tensor, arm, bias, active, count, y)
             x0, x1, x2 = fuse_sample(y, h, pi, count, f)
@@ -456,30 +517,18 @@ def follow(
                 if left > 0:
                     load_sample(measurements, t, arm_tensor, arm, bias, spare[0], left, y)
                     fused[t] = fuse_sample(y, spare[2], spare[3], left, f)
+                    best, where = axis_statistics(f, spare[5], left, ratio)
+                    share = min(1.0, clip / best) if best > 0.0 else 1.0
                     for a in range(left):
-                        m, square = spare[0][a], f[a] * f[a] * spare[5][a]
-                        limit = np.sqrt(clip / square) if square > clip else 1.0
-                        means[m] += limit * f[a]
-                        excess[m] += min(square, clip)
+                        m = spare[0][a]
+                        means[m] += np.sqrt(share) * f[a]
+                        excess[m] += share * ratio[a]
                         seen[m] += 1.0
                 continue
             fused[t, 0], fused[t, 1], fused[t, 2] = x0, x1, x2
             statistic[t] = weighted_squares(f, weight, count)
             best, where = axis_statistics(f, testing, count, ratio)
             unit_statistics[t], unit_suspect[t] = worst_unit(f, bounds, unit_testing)
-            if with_extra:
-                mean_extra += extra[t]
-                statistic[t] = 0.0
-                best = -1.0
-                for a in range(count):
-                    larger = 1.0 + weight[a] * extra[t]
-                    statistic[t] += f[a] * f[a] * weight[a] / larger
-                    ratio[a] /= larger
-                    if ratio[a] > best:
-                        best, where = ratio[a], a
-                u = unit_suspect[t]
-                if u >= 0:
-                    unit_statistics[t] /= 1.0 + weight[bounds[u]] * extra[t]
             axis_statistic[t], axis_suspect[t] = best, active[where]
             tally(f, ratio, best, clip, count, sums, squares)
             whole += 1
@@ -494,14 +543,14 @@ def follow(
         for a in range(count):
             m = active[a]
             means[m] += sums[a]
-            excess[m] += squares[a]
             seen[m] += whole
-        mean_extra /= stop - start
+            # what motion may explain teaches nothing about the noise
+            excess[m] += squares[a] + seen[m] * motion * weight[a]
+        if adapting and adaptation > 0.0:
+            follow_variances(excess, seen, use, block, adaptation, common, variance, f_spare, ratio)
         for m in range(total):
             if seen[m] > 0.0:
                 means[m] /= seen[m]
-                if adapting:
-                    variance[m] *= 1.0 + adaptation * (excess[m] - seen[m]) / block
             elif status[m] != 0 and here[m]:
                 means[m] = out_of_use(
                     measurements, arm_tensor, arm, start, stop, m, axes[m], bias[m], fused
@@ -516,7 +565,7 @@ def follow(
         for j in range(scales):
             extra_average[j] += smoothing[j] * (mean_extra - extra_average[j])
             spread[j] = noise_share[j] + bias_share
-            slow[j] = extra_average[j] + wander
+            slow[j] = max(extra_average[j] + wander - spread[j] * motion, 0.0)
             size = smooth(
                 means,
                 shares,
@@ -544,7 +593,10 @@ def follow(
                 gauge_count = arrange(axes, unit, one, gauged, gauge)
             if gauge_count > 0:
                 gain = max(bias_gain, block / known if b >= learning else 0.0)
-                follow_biases(means, worst, gain, axes, gauge, gauge_count, bias)
+                for m in range(total):
+                    doubt = motion * block / working[m]
+                    trust[m] = 1.0 / (1.0 + doubt) if worst[m] < 0.25 else 0.0
+                follow_biases(means, trust, gain, axes, gauge, gauge_count, bias)
         smoothed[b] = 0.0
         if scales == 0 or b < learning:
             continue
