@@ -502,7 +502,7 @@ def follow(
         sums[:] = 0.0
         squares[:] = 0.0
         whole = 0
-        mean_extra = np.mean(extra[start:stop]) if with_extra else 0.0
+        mean_extra = float(np.mean(extra[start:stop])) if with_extra else 0.0
         for t in range(start, stop):
             load_sample(measurements, t, arm_tensor, arm, bias, active, count, y)
             x0, x1, x2 = fuse_sample(y, h, pi, count, f)
