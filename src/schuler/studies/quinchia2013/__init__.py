@@ -5,7 +5,15 @@ mechanization, the closed loop and the wavelet filter bank of the library.
 """
 
 from schuler.studies.experiment import Experiment, Item, Repetitions
-from schuler.studies.quinchia2013 import arithmetic, judging, laws, matrices, outages, static
+from schuler.studies.quinchia2013 import (
+    arithmetic,
+    judging,
+    laws,
+    matrices,
+    outages,
+    recordings,
+    static,
+)
 from schuler.studies.quinchia2013.sensor import PAPER
 
 EXPERIMENTS = (
@@ -228,6 +236,23 @@ EXPERIMENTS = (
             Item("Table 7", "Levels by sensor", "seven, six for y and z", judging.table_7),
         ),
         repetitions=Repetitions(2, 20),
+    ),
+    Experiment(
+        PAPER,
+        "recordings",
+        "Six static records of an ADIS16405",
+        recordings.run,
+        items=(
+            Item(
+                "Table 2, recordings",
+                "AR models after de-noising, of a real sensor",
+                "the coefficients describe the sensor",
+                recordings.table_2,
+                slips=("E-004-8",),
+            ),
+        ),
+        repetitions=Repetitions(2, 6),
+        recordings=(recordings.FOLDER,),
     ),
     Experiment(
         PAPER,
