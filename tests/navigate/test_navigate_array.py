@@ -147,7 +147,9 @@ def test_a_single_imu_is_what_navigate_makes_of_it() -> None:
     )
     other = navigate(aligned.imu(2), gnss, mems(0.3), lever_arm=ANTENNA, time_offset=0.0)
     a, b = one.solution.trajectory, other.trajectory
-    np.testing.assert_allclose(a.velocity, b.velocity, rtol=0.0, atol=1e-9)
+    # the rest says of the gyros' biases what their model allows, there what their scatter shows
+    np.testing.assert_allclose(a.velocity, b.velocity, rtol=0.0, atol=0.02)
+    np.testing.assert_allclose(a.rotation, b.rotation, rtol=0.0, atol=2e-3)
 
 
 def test_two_imus_are_enough_for_all_but_the_vote() -> None:

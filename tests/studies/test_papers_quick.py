@@ -10,17 +10,25 @@ from schuler.studies.reproduction import named_parts, reproduce, select
 
 FIGURES = {
     "waegli2010": (*range(1, 15),),
+    "waegli2008": (*range(1, 18),),
     "tamazin2013": (*range(1, 8),),
     "quinchia2013": (*range(1, 27),),
 }
-TABLES = {"waegli2010": (1, 2, 3, 4), "tamazin2013": (1, 2), "quinchia2013": (*range(1, 11),)}
+TABLES = {
+    "waegli2010": (1, 2, 3, 4),
+    "waegli2008": (1, 2, 3),
+    "tamazin2013": (1, 2),
+    "quinchia2013": (*range(1, 11),),
+}
 EQUATIONS = {
     "waegli2010": (*range(1, 14),),
+    "waegli2008": (*range(1, 14),),
     "tamazin2013": (*range(1, 30),),
     "quinchia2013": (*range(1, 37),),
 }
 SLIPS = {
     "waegli2010": (*range(1, 17),),
+    "waegli2008": (*range(1, 15),),
     "tamazin2013": (*range(1, 13),),
     "quinchia2013": (*range(1, 20),),
 }

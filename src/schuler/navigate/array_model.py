@@ -175,36 +175,6 @@ def without_idle_states(model: SensorErrorModel) -> SensorErrorModel:
     )
 
 
-def bias_state(model: SensorErrorModel, channel: int) -> int:
-    """Return the state of a channel that holds what a rest shows of it.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Of one IMU.
-    channel : int
-        0-2 accelerometer, 3-5 gyro.
-
-    Returns
-    -------
-    int
-        The constant one, or the first one where there is no constant.
-
-    Raises
-    ------
-    ModelError
-        The channel has no state.
-    """
-    constant = model.constant_states(channel)
-    own = constant if constant.size else np.flatnonzero(model.channel == channel)
-    if not own.size:
-        raise ModelError(
-            f"{FILTER_CHANNELS[channel]} has no bias in its noise model",
-            expected="a random walk, a Gauss-Markov noise or a turn-on bias",
-        )
-    return int(own[0])
-
-
 def body_directions(model: SensorErrorModel, fusion: Fusion, imu: int) -> FloatArray:
     """How the states of one IMU show in the fused measurement.
 

@@ -19,7 +19,7 @@ from schuler.errors import NavigationError
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.array_model import (
     Fusion,
-    bias_state,
+    extended_model,
     fused_noise_model,
     fusion_of,
     noise_models_of,
@@ -76,15 +76,20 @@ class PreparedArray:
     heading: float | None
     notes: tuple[str, ...]
 
-    def sensor_start(self) -> SensorStart:
+    def sensor_start(self, *, each: bool = True) -> SensorStart:
         """Return what is known of all sensor states at the first sample.
+
+        Parameters
+        ----------
+        each : bool
+            As in the function of this name.
 
         Returns
         -------
         SensorStart
             In the order of `extended_model`.
         """
-        return sensor_start(self.array, self.models, self.fusion, self.setup.alignment)
+        return sensor_start(self.array, self.models, self.fusion, self.setup.alignment, each=each)
 
 
 def prepare_array(
@@ -172,13 +177,17 @@ def prepare_array(
 
 
 def sensor_start(
-    array: ImuArray, models: Sequence[SensorErrorModel], fusion: Fusion, alignment: Alignment
+    array: ImuArray,
+    models: Sequence[SensorErrorModel],
+    fusion: Fusion,
+    alignment: Alignment,
+    *,
+    each: bool = True,
 ) -> SensorStart:
-    """Tell the constant parts of all gyros from the alignment.
+    """Tell the biases of all gyros from the alignment.
 
-    At rest each gyro shows its own constant, the turn of the earth apart, which is common to all.
-    In motion the alignment found the constant of the fused gyro; each gets its share of it by the
-    prior.
+    At rest each gyro shows its own, the turn of the earth apart, which is common to all. In motion
+    the alignment found that of the fused gyro; each gets its share of it by the prior.
 
     Parameters
     ----------
@@ -190,52 +199,95 @@ def sensor_start(
         How the sensors are added up.
     alignment : Alignment
         Of the fused IMU.
+    each : bool
+        Whether a rest tells the bias of each gyro, or of the fused one only: then the differences
+        between sensors stay what the prior says.
 
     Returns
     -------
     SensorStart
         In the order of `extended_model`.
     """
-    first = np.concatenate([[0], np.cumsum([m.size for m in models])]).astype(int)
-    covariance = np.zeros((first[-1], first[-1]))
-    for i, model in enumerate(models):
-        covariance[first[i] : first[i + 1], first[i] : first[i + 1]] = model.initial_covariance
-    state = np.zeros(first[-1])
+    extended = extended_model(models, fusion, array.names)
+    covariance = extended.initial_covariance
+    nothing = SensorStart(np.zeros(extended.size), covariance)
     if alignment.gyro_bias_sd is None:
-        return SensorStart(state, covariance)
-    places = np.array(
-        [first[i] + bias_state(models[i], 3 + a)
-         for i in range(array.count) for a in range(3)]
-    )  # fmt: skip
-    if alignment.rest is not None:
-        mean, sd = _at_rest(array, alignment.rest)
-        state[places] = mean
-        covariance[places] = 0.0
-        covariance[:, places] = 0.0
-        block = np.diag(sd**2) + EARTH_RATE**2 * fusion.axes @ fusion.axes.T
-        covariance[np.ix_(places, places)] = block
-        return SensorStart(state, covariance)
-    shown = np.zeros((3, first[-1]))
-    own = np.concatenate([sensor_directions(m) for m in models])[places]
-    for p, place in enumerate(places):
-        shown[:, place] = fusion.gyro[:, p - p % 3 : p - p % 3 + 3] @ own[p]
-    spread = shown @ covariance @ shown.T + alignment.gyro_bias_sd**2 * np.eye(3)
-    gain = np.linalg.solve(spread, shown @ covariance).T
-    state = gain @ alignment.gyro_bias
-    reduced = covariance - gain @ shown @ covariance
-    return SensorStart(state, 0.5 * (reduced + reduced.T))
+        return nothing
+    if alignment.rest is None:
+        shown = np.where(extended.channel >= 3, extended.direction.T, 0.0)
+        spread = alignment.gyro_bias_sd**2 * np.eye(3)
+        return _conditioned(covariance, covariance @ shown.T, shown @ covariance @ shown.T + spread,
+                            alignment.gyro_bias)  # fmt: skip
+    mean, variance, length = _at_rest(array, alignment.rest)
+    shared, own = rest_covariances(models, length)
+    whole = own + np.diag(variance) + EARTH_RATE**2 * fusion.axes @ fusion.axes.T
+    if each:
+        return _conditioned(covariance, shared, whole, mean)
+    pi = fusion.gyro
+    return _conditioned(covariance, shared @ pi.T, pi @ whole @ pi.T, pi @ mean)
 
 
-def _at_rest(array: ImuArray, rest: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Mean of every gyro over a rest and its standard deviation, (3 k,), by means of seconds."""
+def _conditioned(
+    prior: FloatArray, shared: FloatArray, spread: FloatArray, value: FloatArray
+) -> SensorStart:
+    """Gauss: x given a measurement with covariance `spread` that shares `shared` with x."""
+    gain = np.linalg.solve(spread, shared.T).T
+    covariance = prior - gain @ shared.T
+    return SensorStart(gain @ value, 0.5 * (covariance + covariance.T))
+
+
+def rest_covariances(
+    models: Sequence[SensorErrorModel], length: float
+) -> tuple[FloatArray, FloatArray]:
+    """What the means of all gyros over a rest have to do with the states at its start.
+
+    Parameters
+    ----------
+    models : sequence of SensorErrorModel
+        One for each IMU, states not correlated with each other.
+    length : float
+        Of the rest, s.
+
+    Returns
+    -------
+    tuple of (m, 3 k) and (3 k, 3 k) ndarray
+        Covariance of the states at the start with the means, and of the means among each other,
+        without white noise. A constant is all there; of a Gauss-Markov noise that forgets within
+        the rest little is.
+    """
+    total = sum(m.size for m in models)
+    shared, own = np.zeros((total, 3 * len(models))), np.zeros((3 * len(models),) * 2)
+    first = 0
+    for i, model in enumerate(models):
+        directions = sensor_directions(model)
+        for j in range(model.size):
+            if model.channel[j] < 3 or model.partner[j] >= 0:
+                continue
+            start = float(model.initial_covariance[j, j])
+            passed = -float(model.drift[j, 0]) * length
+            diffusion = float(model.diffusion[j, 0])
+            if passed < 1e-6:
+                kept, variance = 1.0, start + diffusion * length / 3.0
+            else:
+                kept = -np.expm1(-passed) / passed
+                stationary = diffusion * length / (2.0 * passed)
+                wander = 2.0 * (passed - 1.0 + np.exp(-passed)) / passed**2 - kept**2
+                variance = start * kept**2 + stationary * wander
+            axis = slice(3 * i, 3 * i + 3)
+            shared[first + j, axis] = start * kept * directions[j]
+            own[axis, axis] += variance * np.outer(directions[j], directions[j])
+        first += model.size
+    return shared, own
+
+
+def _at_rest(array: ImuArray, rest: tuple[float, float]) -> tuple[FloatArray, FloatArray, float]:
+    """Mean of every gyro over a rest (3 k,), the variance of its white part, and the time, s."""
     part = slice(*np.searchsorted(array.time, rest, side="left"))
     gyro = array.gyro[part].reshape(-1, 3 * array.count)
-    block = max(round(array.rate), 1)
-    count = gyro.shape[0] // block
-    if count < 2:
-        return gyro.mean(axis=0), np.full(gyro.shape[1], np.radians(0.1))
-    seconds = gyro[: count * block].reshape(count, block, -1).mean(axis=1)
-    return gyro.mean(axis=0), seconds.std(axis=0, ddof=1) / np.sqrt(count)
+    # neighbouring differences: slow changes are part of the model
+    count = gyro.shape[0]
+    white = np.mean(np.diff(gyro, axis=0) ** 2, axis=0) / 2.0
+    return gyro.mean(axis=0), white / count, count / array.rate
 
 
 def merged_start(start: SensorStart, merge: FloatArray) -> SensorStart:

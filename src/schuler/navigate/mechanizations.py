@@ -17,11 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.data import GnssRecording, ImuRecording, Innovations, NavigationSolution
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
-from schuler.navigate.aiding import KIND_NAMES
+from schuler.navigate.aiding import KIND_NAMES, AidingSchedule
 from schuler.navigate.array_model import Fusion, extended_model, fused_model
-from schuler.navigate.array_preparation import PreparedArray, merged_start, prepare_array
+from schuler.navigate.array_preparation import (
+    PreparedArray,
+    merged_start,
+    prepare_array,
+    sensor_start,
+)
 from schuler.navigate.array_solution import mean_trajectory, moved, moved_solution
-from schuler.navigate.engine import gate_thresholds
+from schuler.navigate.engine import InitialState, gate_thresholds
 from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigate.navigation import withhold
 from schuler.navigate.parity import Parity
@@ -105,8 +110,9 @@ def navigate_array(
     mechanization : {"single", "synthetic", "extended", "constrained", "system"}
         How the IMUs are used.
     parity : bool
-        Whether the extended filter also takes the parity vector once a second as a measurement of
-        the biases (spec 7.5); without it the filter equals the synthetic one for equal sensors.
+        Whether the extended filter also takes the parity vector once a second, and what each gyro
+        shows at rest, as measurements of the biases (spec 7.5); without them nothing tells the
+        sensors apart, and the filter equals the synthetic one for equal sensors.
     imu : int
         Which one is used by "single".
     rigid : RigidBody or None
@@ -223,8 +229,8 @@ def run_mechanization(
         return _single(prepared, gnss, imu, smooth, false_alarm)
     if mechanization in ("constrained", "system"):
         return _stacked(prepared, gnss, mechanization, rigid, false_alarm)
-    start = prepared.sensor_start()
     sources = setup.sources
+    start = prepared.sensor_start(each=parity and mechanization == "extended")
     if mechanization == "synthetic":
         base, merge = fused_model(prepared.models, prepared.fusion)
         start = merged_start(start, merge)
@@ -245,6 +251,42 @@ def run_mechanization(
     if mechanization == "extended":
         solution.settings["parity_update"] = parity
     return ArrayNavigation(mechanization, solution, prepared, model)
+
+
+def extended_run(
+    prepared: PreparedArray, gnss: GnssRecording, *, parity: bool
+) -> tuple[RunSetup, InitialState, AidingSchedule]:
+    """Return what the engine needs for the extended filter, to look at it from inside.
+
+    Parameters
+    ----------
+    prepared : PreparedArray
+        From `prepare_array`.
+    gnss : GnssRecording
+        Epochs to use.
+    parity : bool
+        With or without the parity update.
+
+    Returns
+    -------
+    tuple of RunSetup, InitialState and AidingSchedule
+        For `run_engine` with `prepared.recording`.
+    """
+    setup = prepared.setup
+    base = extended_model(prepared.models, prepared.fusion, prepared.array.names)
+    model, sources = setup.factors.applied(base), setup.sources
+    if parity:
+        array, fusion = prepared.array, prepared.fusion
+        sources = (*sources, Parity(array, fusion, prepared.models, model.size))
+    own = replace(
+        setup,
+        model=model,
+        sensor_start=prepared.sensor_start(each=parity),
+        sources=sources,
+        vehicle=None,
+    )
+    initial = own.initial_state(prepared.recording, gnss)
+    return own, initial, own.schedule(prepared.recording, gnss)
 
 
 def single_recording(array: ImuArray, imu: int) -> ImuRecording:
@@ -288,12 +330,21 @@ def _single(
         aiding=() if vehicle is None else vehicle.constraints,
     )
     c_bs = array.mounting.rotation[imu]
-    turned, _ = fused_model((prepared.models[imu],), Fusion(c_bs, c_bs, c_bs.T, place))
+    alone = Fusion(c_bs, c_bs, c_bs.T, place)
+    turned, merge = fused_model((prepared.models[imu],), alone)
+    own_array = array.select([imu]).between(float(cut.time[0]), np.inf)
+    start = sensor_start(own_array, (prepared.models[imu],), alone, own.alignment)
     model = setup.factors.applied(turned)
     if own.vehicle is not None and own.vehicle.first_state >= 0:
         own = replace(own, vehicle=replace(own.vehicle, first_state=model.size))
         model = with_vehicle_states(model)
-    own = replace(own, model=model, factors=setup.factors, vibration=setup.vibration)
+    own = replace(
+        own,
+        model=model,
+        factors=setup.factors,
+        vibration=setup.vibration,
+        sensor_start=merged_start(start, merge),
+    )
     done = run(cut, gnss, own, smooth=smooth, false_alarm=false_alarm)
     solution = done.smoothed if smooth and done.smoothed is not None else done.causal
     solution = moved_solution(solution, -place)

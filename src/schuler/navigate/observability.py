@@ -449,12 +449,12 @@ def gramian(
     )
 
 
-def covariance_decay(covariance: FloatArray) -> FloatArray:
+def covariance_decay(sd: FloatArray) -> FloatArray:
     """Return by how much the filter's standard deviations fell since the start.
 
     Parameters
     ----------
-    covariance : (k, s, s) ndarray
+    sd : (k, s) ndarray
         At nodes of a run, the first one at its start.
 
     Returns
@@ -462,6 +462,5 @@ def covariance_decay(covariance: FloatArray) -> FloatArray:
     (k, s) ndarray
         Ratio to the start; one where nothing was learnt.
     """
-    sd = np.sqrt(np.einsum("kii->ki", covariance))
-    decay: FloatArray = sd / np.maximum(sd[0], 1e-300)
+    decay: FloatArray = sd / np.where(sd[0] > 0.0, sd[0], np.inf)
     return decay

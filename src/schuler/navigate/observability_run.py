@@ -216,6 +216,7 @@ def observe(
         setup.schedule(imu, gnss),
         gate=gate_thresholds(FALSE_ALARM),
         white_scale=setup.white_scale(imu),
+        keep_nodes=False,
         node_interval=1e9,
     )
     if segments is None:
@@ -225,6 +226,18 @@ def observe(
         segments = segments_of(path)
     # the prior of the filter at the start, biases seen at rest included
     model = replace(setup.model, initial_covariance=initial.covariance[9:, 9:])
+    node = np.clip(np.searchsorted(imu.time, run.nodes.time - 1e-9), 0, imu.size - 1)
+    samples = run.samples
+    deviations = np.hstack(
+        [
+            np.sqrt(np.einsum("kii->ki", samples.position_covariance[node])),
+            samples.velocity_sd[node],
+            samples.attitude_sd[node],
+            run.nodes.sensor_sd,
+        ]
+    )
+    # before the first measurement
+    deviations[0] = np.sqrt(np.diag(initial.covariance))
     assert gnss.position_sd is not None
     finite = gnss.position_sd[np.isfinite(gnss.position_sd)]
     sd = float(np.median(finite)) * setup.factors.position_sd if finite.size else 1.0
@@ -238,7 +251,7 @@ def observe(
             interval=max(1.0, float(np.median(np.diff(gnss.time))) if gnss.size > 1 else 1.0),
         ),
         time=run.nodes.time - run.nodes.time[0],
-        decay=covariance_decay(run.nodes.covariance),
+        decay=covariance_decay(deviations),
     )  # fmt: skip
 
 
@@ -257,16 +270,19 @@ def observe_array(prepared: PreparedArray, gnss: GnssRecording) -> tuple[RunObse
     tuple of RunObservability
         Three.
     """
-    setup, start = prepared.setup, prepared.sensor_start()
+    setup = prepared.setup
+    start, fused_only = (prepared.sensor_start(each=e) for e in (True, False))
     fused, merge = fused_model(prepared.models, prepared.fusion)
     wide = extended_model(prepared.models, prepared.fusion, prepared.array.names)
     synthetic = replace(
         setup,
         model=setup.factors.applied(fused),
-        sensor_start=merged_start(start, merge),
+        sensor_start=merged_start(fused_only, merge),
         vehicle=None,
     )
-    extended = replace(setup, model=setup.factors.applied(wide), sensor_start=start, vehicle=None)
+    extended = replace(
+        setup, model=setup.factors.applied(wide), sensor_start=fused_only, vehicle=None
+    )
     source = Parity(prepared.array, prepared.fusion, prepared.models, wide.size)
     rows = np.vstack(parity_rows(prepared.models, prepared.fusion, wide.size))
     rows = np.hstack([np.zeros((rows.shape[0], 9)), rows])
@@ -278,7 +294,7 @@ def observe_array(prepared: PreparedArray, gnss: GnssRecording) -> tuple[RunObse
             "extended, with parity",
             prepared.recording,
             gnss,
-            replace(extended, sources=(source,)),
+            replace(extended, sensor_start=start, sources=(source,)),
             parity=rows,
         ),
     )
