@@ -113,5 +113,5 @@ def prepare_twin(
     setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), alignment, ANTENNA - fusion.centre)
     return PreparedArray(
         array, fused_recording(array, fusion), fusion, models, tuple(noises), setup, ANTENNA,
-        None, (),
+        None, None, (),
     )  # fmt: skip

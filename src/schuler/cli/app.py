@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from schuler import __version__
+from schuler.cli.arrays import observability
 from schuler.cli.calibrate import calibrate
 from schuler.cli.characterize import characterize
 from schuler.cli.console import say
@@ -43,7 +44,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _command in (
-    demo, characterize, calibrate, navigate, outages, simulate, export, reproduce, warm,
+    demo, characterize, calibrate, navigate, observability, outages, simulate, export, reproduce, warm,
 ):  # fmt: skip
     app.command(_command)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from schuler.cli.arrays import ArrayOptions, navigate_arrays, require_one
 from schuler.cli.reading import DriveReading
 from schuler.cli.running import RunOptions
 from schuler.errors import InputError, SchulerError
@@ -24,14 +25,15 @@ if TYPE_CHECKING:
 
 def navigate(
     *,
-    imu: Path,
     gnss: Path,
+    imu: Path | None = None,
     noise: Path | None = None,
     smooth: bool = False,
     lag: float | None = None,
     out: Path | None = None,
     report: Path | None = None,
     json: Path | None = None,
+    several: Annotated[ArrayOptions | None, Parameter(name="*")] = None,
     known: Annotated[RunOptions | None, Parameter(name="*")] = None,
     reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
 ) -> int:
@@ -42,10 +44,10 @@ def navigate(
 
     Parameters
     ----------
-    imu : Path
-        IMU recording: CSV, text, Parquet, NPZ, ROS bag, or a folder with imu.* in it.
     gnss : Path
-        GNSS recording: the same formats, or RTKLIB .pos.
+        GNSS recording: CSV, text, Parquet, NPZ, ROS bag, or RTKLIB .pos.
+    imu : Path, optional
+        IMU recording: the same formats, or a folder with imu.* in it.
     noise : Path, optional
         Noise model as YAML, from `schuler characterize --noise-out`.
     smooth : bool
@@ -58,6 +60,8 @@ def navigate(
         Write a self-contained HTML page here.
     json : Path, optional
         Write a summary here; - for standard output.
+    several : ArrayOptions, optional
+        An array of IMUs instead of one.
     known : RunOptions, optional
         What is known about the run.
     reading : DriveReading, optional
@@ -71,6 +75,11 @@ def navigate(
     from schuler.navigate import prepare, run
     from schuler.scale.progress import progress
 
+    options = several or ArrayOptions()
+    require_one(imu, options)
+    if imu is None:
+        told, how = known or RunOptions(), reading or DriveReading()
+        return navigate_arrays(options, gnss, noise, smooth, (out, report, json), told, how)
     inputs = (imu, gnss, *((noise,) if noise else ()))
     outputs = Outputs(out, report, json, inputs=inputs)
     if out is not None:
@@ -131,7 +140,7 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
         require_overlap(fixes, float(recording.time[0]), float(recording.time[-1]))
     except SchulerError as error:
         raise error.at(str(gnss)) from None
-    _require_deviations(fixes, gnss)
+    require_deviations(fixes, gnss)
     missing = [c for c in CHANNELS if c not in recording.channels]
     if missing:
         raise InputError(
@@ -151,7 +160,21 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
     return recording, fixes
 
 
-def _require_deviations(fixes: GnssRecording, path: Path) -> None:
+def require_deviations(fixes: GnssRecording, path: Path) -> None:
+    """Raise when GNSS has no standard deviations.
+
+    Parameters
+    ----------
+    fixes : GnssRecording
+        What was read.
+    path : Path
+        From where.
+
+    Raises
+    ------
+    InputError
+        Says how to give them.
+    """
     import numpy as np
 
     for what, values in (("position", fixes.position_sd), ("velocity", fixes.velocity_sd)):

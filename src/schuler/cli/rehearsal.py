@@ -64,5 +64,30 @@ def _arrays() -> None:
     find_jumps(ImuArray(time, rates, np.zeros((1000, 3, 3)), Mounting.aligned(3)))
 
 
-REHEARSALS: tuple[Callable[[], None], ...] = (_characterize, _methods, _navigate, _outages, _arrays)
+def _mechanizations() -> None:
+    import numpy as np
+
+    from schuler.cli.example import EXAMPLE_RATE, example_noise
+    from schuler.data.array import ImuArray, Mounting
+    from schuler.evaluate.mechanizations import compare_mechanizations
+    from schuler.simulate import car_urban, simulate_array, simulate_gnss
+
+    rng = np.random.default_rng(3)
+    profile = car_urban(90.0, rng, standstill=20.0)
+    mounting = Mounting.aligned(2)
+    places = (mounting.rotation, mounting.position)
+    recordings = simulate_array(profile, *places, example_noise(), EXAMPLE_RATE, rng)
+    gnss = simulate_gnss(profile, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
+    array = ImuArray.from_recordings(recordings, mounting)
+    compare_mechanizations(array, gnss, example_noise(), time_offset=0.0)
+
+
+REHEARSALS: tuple[Callable[[], None], ...] = (
+    _characterize,
+    _methods,
+    _navigate,
+    _outages,
+    _arrays,
+    _mechanizations,
+)
 """Each calls a part of the kernels."""

@@ -23,6 +23,7 @@ from schuler.evaluate.outages import OutageStatistics, judge_window
 from schuler.navigate import withhold
 from schuler.navigate.array_preparation import PreparedArray, prepare_array
 from schuler.navigate.engine import gate_thresholds, run_engine
+from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigate.mechanizations import (
     MECHANIZATIONS,
     ArrayNavigation,
@@ -32,7 +33,6 @@ from schuler.navigate.mechanizations import (
     run_mechanization,
 )
 from schuler.navigate.observability import state_names
-from schuler.navigate.preparation import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigate.running import FALSE_ALARM
 from schuler.navigate.sensor_states import FILTER_CHANNELS
 from schuler.navigate.stacked import RigidBody
@@ -188,6 +188,7 @@ def compare_mechanizations(
     outages: Sequence[Window] = (),
     lever_arm: ArrayLike = (0.0, 0.0, 0.0),
     heading: float | None = None,
+    mounting: FloatArray | None = None,
     time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
     tune_noise: bool | None = None,
     turn_on_accel: float = TURN_ON_ACCEL,
@@ -210,7 +211,7 @@ def compare_mechanizations(
         Time over which errors against the truth are taken, s; None: all of it.
     outages : sequence of (start, seconds)
         GNSS that is withheld from all, and then judges them.
-    lever_arm, heading, time_offset, tune_noise, turn_on_accel, turn_on_gyro, progress
+    lever_arm, heading, mounting, time_offset, tune_noise, turn_on_accel, turn_on_gyro, progress
         As for `navigate_array`.
 
     Returns
@@ -235,6 +236,7 @@ def compare_mechanizations(
         noise_models,
         lever_arm=lever_arm,
         heading=heading,
+        mounting=mounting,
         time_offset=time_offset,
         tune_noise=tune_noise,
         turn_on_accel=turn_on_accel,

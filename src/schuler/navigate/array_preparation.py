@@ -62,6 +62,8 @@ class PreparedArray:
         GNSS antenna from the origin of the body, m.
     heading : float or None
         Of the body at the start, rad, where it was given.
+    vehicle : (3, 3) ndarray or None
+        Vehicle from body, where it was given.
     notes : tuple of str
         What was done to the array, in words.
     """
@@ -74,6 +76,7 @@ class PreparedArray:
     setup: RunSetup
     lever_arm: FloatArray
     heading: float | None
+    vehicle: FloatArray | None
     notes: tuple[str, ...]
 
     def sensor_start(self, *, each: bool = True) -> SensorStart:
@@ -173,7 +176,9 @@ def prepare_array(
     if recording.size != whole.size:
         after = np.nextafter(recording.time[-1], np.inf)
         whole = whole.between(float(recording.time[0]), float(after))
-    return PreparedArray(whole, recording, fusion, models, noises, setup, arm, heading, notes)
+    return PreparedArray(
+        whole, recording, fusion, models, noises, setup, arm, heading, mounting, notes
+    )
 
 
 def sensor_start(

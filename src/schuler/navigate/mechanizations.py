@@ -326,7 +326,7 @@ def _single(
         heading=prepared.heading,
         time_offset=(setup.offsets.position, setup.offsets.velocity),
         tune_noise=False,
-        mounting=None if vehicle is None else vehicle.mounting,
+        mounting=prepared.vehicle if vehicle is None else vehicle.mounting,
         aiding=() if vehicle is None else vehicle.constraints,
     )
     c_bs = array.mounting.rotation[imu]

@@ -17,6 +17,8 @@ _HOMES = {
     "schuler.identify.comparison.replicates": "replicates",
     "schuler.denoise": "denoising",
     "schuler.evaluate": "outages",
+    "schuler.evaluate.mechanizations": "mechanizations",
+    "schuler.navigate.observability_run": "observability",
     "schuler.studies.reproduction": "reproduction",
     "schuler.evaluate.error_model_comparison": "error_models",
     "schuler.fuse.calibration.review": "calibration",

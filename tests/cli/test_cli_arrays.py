@@ -1,0 +1,131 @@
+"""Arrays on the command line: one mechanization, all side by side, observability, bad input."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from outcome import Outcome
+
+from schuler.processes import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
+from schuler.rotations import dcm_from_euler
+from schuler.simulate import motorcycle, simulate_array, simulate_gnss
+
+Call = Callable[..., Outcome]
+
+LEVER = "0.2,-0.1,-0.9"
+YAW = 30.0
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("array")
+    rng = np.random.default_rng(4)
+    profile = motorcycle(120.0, 4, standstill=40.0)
+    gyro = WhiteNoise(5e-4) + GaussMarkov(2e-4, 100.0) + RandomWalk(1e-6, 1e-3)
+    accel = WhiteNoise(2e-3) + RandomWalk(1e-4, 0.02)
+    noise = NoiseModel(
+        {f"{s}_{a}": p for s, p in (("gyro", gyro), ("accel", accel)) for a in "xyz"}
+    )
+    rotations = [dcm_from_euler(0.0, 0.0, np.radians(a)) for a in (0.0, YAW)]
+    places = [[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]]
+    recordings = simulate_array(profile, rotations, places, noise, 50.0, rng)
+    files = {}
+    for i, recording in enumerate(recordings):
+        files[f"imu{i + 1}"] = folder / f"imu{i + 1}.parquet"
+        recording.to_parquet(files[f"imu{i + 1}"])
+    files["gnss"], files["noise"] = folder / "gnss.parquet", folder / "noise.yaml"
+    lever = [float(v) for v in LEVER.split(",")]
+    simulate_gnss(
+        profile, 1.0, position_sd=0.05, velocity_sd=0.03, lever_arm=lever, rng=rng
+    ).to_parquet(files["gnss"])
+    noise.save(files["noise"])
+    return files
+
+
+def arguments(drive: dict[str, Path], *more: str) -> list[str]:
+    return [
+        "--array", str(drive["imu1"]), "--array", str(drive["imu2"]),
+        "--gnss", str(drive["gnss"]), "--noise", str(drive["noise"]), "--lever-arm", LEVER,
+        "--mount", "0,0,0,0.1,0,0", "--mount", f"0,0,{YAW},-0.1,0,0", "--time-offset", "0", *more,
+    ]  # fmt: skip
+
+
+def test_all_mechanizations_stand_side_by_side(
+    drive: dict[str, Path], call: Call, tmp_path: Path
+) -> None:
+    out, page = tmp_path / "all.json", tmp_path / "all.html"
+    done = call(
+        "navigate",
+        *arguments(drive, "--mechanization", "all", "--window", "70:10", "--json", str(out),
+                   "--report", str(page)),
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    found = json.loads(out.read_text(encoding="utf-8"))["mechanizations"]
+    labels = [m["label"] for m in found]
+    assert labels[-4:] == ["synthetic", "extended", "constrained", "system"]
+    # positions of an antenna a metre away: a lever or a mounting with the wrong sign shows
+    for m in found:
+        assert m["outages"]["windows"][0]["max_m"] < 6.0
+        assert 0.3 < m["nis_over_degrees"] < 1.5
+        assert m["label"] in done.out
+    assert [m["states"] for m in found[-4:]] == [9 + 9, 9 + 18, 2 * 18 + 6, 2 * 18]
+    text = page.read_text(encoding="utf-8")
+    assert "Biases of every sensor" in text
+    assert "Claimed uncertainty" in text
+
+
+def test_one_mechanization_writes_a_trajectory(
+    drive: dict[str, Path], call: Call, tmp_path: Path
+) -> None:
+    track, out = tmp_path / "track.csv", tmp_path / "one.json"
+    done = call("navigate", *arguments(drive, "--smooth", "--out", str(track), "--json", str(out)))
+    assert done.code == 0, done.err
+    assert len(track.read_text(encoding="utf-8").splitlines()) > 5000
+    assert json.loads(out.read_text(encoding="utf-8"))["settings"]["mechanization"] == "extended"
+
+
+def test_observability_says_what_is_hidden(
+    drive: dict[str, Path], call: Call, tmp_path: Path
+) -> None:
+    out, page = tmp_path / "seen.json", tmp_path / "seen.html"
+    done = call("observability", *arguments(drive, "--json", str(out), "--report", str(page)))
+    assert done.code == 0, done.err
+    synthetic, extended, parity = json.loads(out.read_text(encoding="utf-8"))["filters"]
+    assert extended["rank"] == synthetic["rank"] == synthetic["states"]
+    assert parity["rank"] == parity["states"] == extended["states"]
+    assert "cancel in the fused measurement" in done.out
+    assert "Singular values" in page.read_text(encoding="utf-8")
+    alone = call(
+        "observability", "--imu", str(drive["imu1"]), "--gnss", str(drive["gnss"]),
+        "--noise", str(drive["noise"]), "--time-offset", "0",
+    )  # fmt: skip
+    assert alone.code == 0, alone.err
+    assert "Nothing is hidden" in alone.out
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("--imu", "x.csv"), "--imu and --array together"),
+        (("--mount", "0,0,0"), "3 mountings for 2 IMUs"),
+        (("--mechanization", "federated"), "mechanization 'federated'"),
+        (("--mechanization", "all", "--smooth"), "--smooth with --mechanization all"),
+        (("--mechanization", "system", "--smooth"), "smoothing with the system mechanization"),
+    ],
+)
+def test_bad_input_is_one_line(
+    drive: dict[str, Path], call: Call, more: tuple[str, ...], words: str
+) -> None:
+    done = call("navigate", *arguments(drive, *more))
+    assert done.code == 2
+    assert words in done.one_line()
+
+
+def test_no_imu_at_all_is_said(drive: dict[str, Path], call: Call) -> None:
+    done = call("navigate", "--gnss", str(drive["gnss"]))
+    assert done.code == 2
+    assert "no IMU" in done.err
