@@ -44,7 +44,8 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _command in (
-    demo, characterize, calibrate, navigate, observability, outages, simulate, export, reproduce, warm,
+    demo, characterize, calibrate, navigate, observability, outages, simulate, export,
+    reproduce, warm,
 ):  # fmt: skip
     app.command(_command)
 
