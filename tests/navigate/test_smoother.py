@@ -17,17 +17,19 @@ from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
 from schuler.navigate.sensor_states import no_sensor_states
 from schuler.navigate.setup import RunSetup
 from schuler.navigate.smoother import smooth_run
-from schuler.processes import RateRamp, Sinusoid
+from schuler.processes import Autoregressive, RateRamp, Sinusoid
 from schuler.processes.noise_model import NoiseModel
 from schuler.rotations import rotation_vector_from_dcm
 from schuler.simulate import car_urban, static
 
-# states of two as well: a ramp and an oscillation on some channels
+# states of two as well, a ramp and an oscillation, and of three, autoregressive noise
+AR3 = Autoregressive(tuple(np.poly([0.98, 0.6, -0.3])[1:].tolist()), 1e-10, 0.02)
 MIXED = NoiseModel(
     processes=dict(NOISE.processes)
     | {
         "gyro_y": NOISE.process("gyro_y") + Sinusoid(1e-4, 0.05, phase=0.4),
         "accel_x": NOISE.process("accel_x") + RateRamp(1e-4),
+        "gyro_x": NOISE.process("gyro_x") + AR3,
     },
     source="twin",
 )
@@ -37,7 +39,7 @@ def a_drive_with_an_outage() -> tuple[RunSetup, ImuRecording, GnssRecording]:
     profile = car_urban(90.0, 8, standstill=10.0)
     ideal = perfect(profile, 50.0)
     twin = draw_twin(profile, ideal, 3, first_fix=1.0037)
-    model = sensor_error_model(MIXED, turn_on_accel=0.02, turn_on_gyro=1e-3)
+    model = sensor_error_model(MIXED, turn_on_accel=0.02, turn_on_gyro=1e-3, interval=0.02)
     # the textbook form divides by the covariance: nothing may be known exactly at the start
     initial = model.initial_covariance
     exact = np.diag(np.diag(initial) == 0.0)
@@ -89,6 +91,7 @@ def test_the_smoother_is_rauch_tung_striebel() -> None:
     run, model, _ = a_run_with_an_outage()
     nodes, aiding = run.nodes, run.aiding
     assert (model.partner >= 0).sum() == 4
+    assert [b.size for b in model.blocks] == [3]
     wanted_error, wanted_covariance = rauch_tung_striebel(run, model)
     error = np.empty_like(wanted_error)
     position = np.empty((nodes.size, 3, 3))
