@@ -73,14 +73,6 @@ def rotation_from_quaternion(quaternion: Array, rotation: Array) -> None:
 
 
 @kernel(inline=True)
-def cross(x: Array, y: Array, factor: float, result: Array) -> None:
-    """Add factor x cross y to the result, all (3,)."""
-    result[0] += factor * (x[1] * y[2] - x[2] * y[1])
-    result[1] += factor * (x[2] * y[0] - x[0] * y[2])
-    result[2] += factor * (x[0] * y[1] - x[1] * y[0])
-
-
-@kernel(inline=True)
 def coning_and_sculling(
     angle: Array, velocity: Array, past: Array, step: float, coning: Array, sculling: Array
 ) -> None:
@@ -96,37 +88,44 @@ def coning_and_sculling(
     """
     a0, a1, a2 = angle[0], angle[1], angle[2]
     u0, u1, u2 = velocity[0], velocity[1], velocity[2]
-    b, v = past[0, 0:3], past[0, 3:6]
-    c, w = past[1, 0:3], past[1, 3:6]
-    d, x = past[2, 0:3], past[2, 3:6]
-    # this sample with the three before it, then those among each other
-    k1, k2, k3 = -473.0 / 1890.0 * step, 1919.0 / 15120.0 * step, -53.0 / 1890.0 * step
-    p0 = k1 * b[0] + k2 * c[0] + k3 * d[0]
-    p1 = k1 * b[1] + k2 * c[1] + k3 * d[1]
-    p2 = k1 * b[2] + k2 * c[2] + k3 * d[2]
-    q0 = k1 * v[0] + k2 * w[0] + k3 * x[0]
-    q1 = k1 * v[1] + k2 * w[1] + k3 * x[1]
-    q2 = k1 * v[2] + k2 * w[2] + k3 * x[2]
-    coning[0] = a1 * p2 - a2 * p1
-    coning[1] = a2 * p0 - a0 * p2
-    coning[2] = a0 * p1 - a1 * p0
+    # increments of the three samples before: angles b, c, d and velocities v, w, x
+    b0, b1, b2 = past[0, 0] * step, past[0, 1] * step, past[0, 2] * step
+    c0, c1, c2 = past[1, 0] * step, past[1, 1] * step, past[1, 2] * step
+    d0, d1, d2 = past[2, 0] * step, past[2, 1] * step, past[2, 2] * step
+    v0, v1, v2 = past[0, 3] * step, past[0, 4] * step, past[0, 5] * step
+    w0, w1, w2 = past[1, 3] * step, past[1, 4] * step, past[1, 5] * step
+    x0, x1, x2 = past[2, 3] * step, past[2, 4] * step, past[2, 5] * step
+    # this sample with those before it: p and q of angles and of velocities
+    k1, k2, k3 = -473.0 / 1890.0, 1919.0 / 15120.0, -53.0 / 1890.0
+    p0 = k1 * b0 + k2 * c0 + k3 * d0
+    p1 = k1 * b1 + k2 * c1 + k3 * d1
+    p2 = k1 * b2 + k2 * c2 + k3 * d2
+    q0 = k1 * v0 + k2 * w0 + k3 * x0
+    q1 = k1 * v1 + k2 * w1 + k3 * x1
+    q2 = k1 * v2 + k2 * w2 + k3 * x2
+    # those before it among each other: b with r (s), c with d (x)
+    k12, k13, k23 = -2.0 / 315.0, 29.0 / 15120.0, -1.0 / 3780.0
+    r0, s0 = k12 * c0 + k13 * d0, k12 * w0 + k13 * x0
+    r1, s1 = k12 * c1 + k13 * d1, k12 * w1 + k13 * x1
+    r2, s2 = k12 * c2 + k13 * d2, k12 * w2 + k13 * x2
+    coning[0] = a1 * p2 - a2 * p1 + b1 * r2 - b2 * r1
+    coning[0] += k23 * (c1 * d2 - c2 * d1)
+    coning[1] = a2 * p0 - a0 * p2 + b2 * r0 - b0 * r2
+    coning[1] += k23 * (c2 * d0 - c0 * d2)
+    coning[2] = a0 * p1 - a1 * p0 + b0 * r1 - b1 * r0
+    coning[2] += k23 * (c0 * d1 - c1 * d0)
     sculling[0] = a1 * q2 - a2 * q1 + u1 * p2 - u2 * p1
+    sculling[0] += b1 * s2 - b2 * s1 + v1 * r2 - v2 * r1
+    sculling[0] += k23 * (c1 * x2 - c2 * x1 + w1 * d2 - w2 * d1)
     sculling[1] = a2 * q0 - a0 * q2 + u2 * p0 - u0 * p2
+    sculling[1] += b2 * s0 - b0 * s2 + v2 * r0 - v0 * r2
+    sculling[1] += k23 * (c2 * x0 - c0 * x2 + w2 * d0 - w0 * d2)
     sculling[2] = a0 * q1 - a1 * q0 + u0 * p1 - u1 * p0
-    square = step * step
-    k12, k13, k23 = -2.0 / 315.0 * square, 29.0 / 15120.0 * square, -1.0 / 3780.0 * square
-    cross(b, c, k12, coning)
-    cross(b, d, k13, coning)
-    cross(c, d, k23, coning)
-    cross(b, w, k12, sculling)
-    cross(v, c, k12, sculling)
-    cross(b, x, k13, sculling)
-    cross(v, d, k13, sculling)
-    cross(c, x, k23, sculling)
-    cross(w, d, k23, sculling)
+    sculling[2] += b0 * s1 - b1 * s0 + v0 * r1 - v1 * r0
+    sculling[2] += k23 * (c0 * x1 - c1 * x0 + w0 * d1 - w1 * d0)
     # (a x (a x f') - w' x (a x u)) / 24 with the changes f' and w' over a sample
-    g0, g1, g2 = u0 - v[0] * step, u1 - v[1] * step, u2 - v[2] * step
-    h0, h1, h2 = a0 - b[0] * step, a1 - b[1] * step, a2 - b[2] * step
+    g0, g1, g2 = u0 - v0, u1 - v1, u2 - v2
+    h0, h1, h2 = a0 - b0, a1 - b1, a2 - b2
     m0, m1, m2 = a1 * g2 - a2 * g1, a2 * g0 - a0 * g2, a0 * g1 - a1 * g0
     n0, n1, n2 = a1 * u2 - a2 * u1, a2 * u0 - a0 * u2, a0 * u1 - a1 * u0
     sculling[0] += (a1 * m2 - a2 * m1 - h1 * n2 + h2 * n1) / 24.0

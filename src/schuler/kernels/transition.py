@@ -251,7 +251,11 @@ def accumulate_transition(
     """
     s = 264
     m = sensor.shape[0]
-    n = 9 + m
+    # states behind the last that shows in a channel change nothing of navigation
+    n = 9
+    for j in range(m):
+        if channel[j] >= 0:
+            n = 10 + j
     for c in range(6):
         for k in range(n):
             errors[c * s + k] = 0.0
