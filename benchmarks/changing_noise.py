@@ -78,12 +78,13 @@ def one(twin: OutageTwin, seed: int) -> dict[str, list[float]]:
     model = sensor_error_model(told, turn_on_accel=TURN_ON["accel"], turn_on_gyro=TURN_ON["gyro"])
     setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
     recursion = VarianceRecursion(ALPHA, BETA)
+    usual = {c: float(d**2) * RATE for c, d in zip(order, density, strict=True)}
     ways = {
         "constant density": None,
-        "average of the last second": averaged_noise(1.0 / RATE).white_scale(imu, density),
-        "GARCH, one step ahead": ChangingNoise(dict.fromkeys(CHANNELS, recursion)).white_scale(
-            imu, density
-        ),
+        "average of the last second": averaged_noise(1.0 / RATE, reference=usual).white_scale(imu),
+        "GARCH, one step ahead": ChangingNoise(
+            dict.fromkeys(CHANNELS, recursion), usual
+        ).white_scale(imu),
         "true variance": truth,
     }
     settled = slice(6000, None, 100)

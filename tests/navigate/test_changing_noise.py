@@ -18,6 +18,7 @@ from schuler.navigate.changing_noise import (
     averaged_noise,
     fitted_noise,
     one_step_variance,
+    rest_variance,
 )
 from schuler.navigate.error_model import sensor_error_model
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -28,6 +29,7 @@ DT = 0.01
 DENSITY = np.array([2e-3] * 3 + [3e-4] * 3)
 ALPHA, BETA = 0.01, 0.9898
 TRUE = VarianceRecursion(ALPHA, BETA)
+USUAL = {c: float(d**2) / DT for c, d in zip((*CHANNELS[3:], *CHANNELS[:3]), DENSITY, strict=True)}
 
 
 def garch_noise(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -74,8 +76,11 @@ def test_constant_noise_stays_constant_on_average(recursion: VarianceRecursion) 
 def test_what_is_followed_is_the_true_variance() -> None:
     noise, scale = garch_noise(200_000, np.random.default_rng(3))
     imu = recording(noise)
-    for changing in (ChangingNoise(dict.fromkeys(CHANNELS, TRUE)), averaged_noise(DT)):
-        found = changing.white_scale(imu, DENSITY)
+    for changing in (
+        ChangingNoise(dict.fromkeys(CHANNELS, TRUE), USUAL),
+        averaged_noise(DT, reference=USUAL),
+    ):
+        found = changing.white_scale(imu)
         for c in range(6):
             truth = np.log(scale[5000:, c])
             assert np.corrcoef(truth, np.log(found[5000:, c]))[0, 1] > 0.95
@@ -86,11 +91,28 @@ def test_motion_is_not_taken_for_noise() -> None:
     ideal = ideal_imu(car_urban(120.0, 4, standstill=10.0), 100.0)
     rng = np.random.default_rng(5)
     white = DENSITY / np.sqrt(DT) * rng.standard_normal((ideal.size, 6))
-    changing = averaged_noise(DT)
-    still = changing.white_scale(recording(white), DENSITY)
-    moving = changing.white_scale(recording(white, ideal), DENSITY)
+    changing = averaged_noise(DT, reference=USUAL)
+    still = changing.white_scale(recording(white))
+    moving = changing.white_scale(recording(white, ideal))
     # 2 % where nothing but a jerk could do it
     assert np.abs(moving[300:] / still[300:] - 1.0).max() < 0.02
+
+
+def test_a_sensor_that_filters_its_output_is_not_taken_for_quiet() -> None:
+    # means of four samples leave 1/24 of the power in second differences, and all of N
+    rng = np.random.default_rng(9)
+    white = DENSITY / np.sqrt(DT) * rng.standard_normal((40_003, 6))
+    smooth = np.stack([np.convolve(w, np.full(4, 0.25), "valid") for w in white.T], axis=-1)
+    smooth[20_000:] *= 2.0
+    found = averaged_noise(DT).white_scale(recording(smooth))
+    quiet, loud = found[1000:19_000].mean(axis=0), found[21_000:].mean(axis=0)
+    np.testing.assert_allclose(loud / quiet, 4.0, rtol=0.05)
+    np.testing.assert_allclose(found.mean(axis=0), 1.0, rtol=0.02)
+    # against a static record as quiet as its first half, the drive is as loud as it is
+    told = averaged_noise(DT, reference=rest_variance(recording(smooth[:20_000])))
+    np.testing.assert_allclose(
+        told.white_scale(recording(smooth))[21_000:].mean(axis=0), 4.0, rtol=0.05
+    )
 
 
 def test_garch_of_a_static_record() -> None:
@@ -104,7 +126,7 @@ def test_garch_of_a_static_record() -> None:
     for r in fitted.recursions.values():
         assert r.persistence == pytest.approx(ALPHA + BETA, abs=2e-4)
         assert r.alpha == pytest.approx(ALPHA, rel=0.5)
-    found = fitted.white_scale(imu, DENSITY)
+    found = fitted.white_scale(imu)
     assert np.corrcoef(np.log(scale[5000:, 4]), np.log(found[5000:, 4]))[0, 1] > 0.95
 
 
@@ -136,7 +158,7 @@ def test_a_filter_that_follows_the_noise_is_better() -> None:
         setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
         truth = profile.trajectory(imu.time[3000::50]).velocity
         rows = []
-        for how in (None, averaged_noise(DT).white_scale(imu, DENSITY), scale):
+        for how in (None, averaged_noise(DT, reference=USUAL).white_scale(imu), scale):
             done = run(imu, drawn.gnss, setup, false_alarm=0.0, white_scale=how).causal
             off = np.linalg.norm(done.trajectory.velocity[3000::50] - truth, axis=1)
             rows.append((done.log_likelihood, float(np.sqrt(np.mean(off**2)))))

@@ -86,6 +86,7 @@ def compare(
     ErrorModelComparison
         Causal and smoothed.
     """
+    from schuler.characterize.screening import screen
     from schuler.cli.loading import load_imu
     from schuler.evaluate.error_model_comparison import compare_error_models
     from schuler.navigate.allan_readings import readings_of_static
@@ -96,7 +97,10 @@ def compare(
         raise InputError(
             "--tune-noise with --models", expected="one of them: tuning would change every model"
         )
-    static = None if options.static is None else load_imu(options.static, {})
+    static = None
+    if options.static is not None:
+        static = load_imu(options.static, {})
+        screen(static).require_usable()
     with progress("Error models") as shown:
         shown.say("finding their parameters")
         models = error_models(

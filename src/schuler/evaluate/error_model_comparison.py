@@ -305,7 +305,7 @@ def compare_error_models(
                 progress(f"run {number + 1} of {len(groups)}: {model.name}")
             own = _same_span(measured[model.name], cut)
             told = with_error_model(setup, model, turn_on_accel, turn_on_gyro, 1.0 / imu.rate)
-            scale = model.white_scale(cut, told.model.white_density)
+            scale = model.white_scale(cut)
             done = run(
                 own,
                 used,

@@ -211,7 +211,7 @@ def run_outages(
         sensors = model.sensor_model(twin.turn_on_accel, twin.turn_on_gyro, 1.0 / twin.ideal.rate)
         setup = RunSetup(sensors, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
         own = model.measured(drawn.imu)
-        scale = model.white_scale(drawn.imu, sensors.white_density)
+        scale = model.white_scale(drawn.imu)
         done = run(
             own,
             drawn.gnss,

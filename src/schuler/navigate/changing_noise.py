@@ -9,11 +9,11 @@ S000: averaged volatility and GARCH, on line).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError, ModelError
@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 # of the second difference of white noise: 1 + 4 + 1
 SECOND_DIFFERENCE_POWER = 6.0
-# densities are believed within this factor of the constant one, squared
+# scales are believed within this factor of the constant one, squared
 LARGEST_RATIO = 1e4
 DEFAULT_MEMORY = 1.0
 
@@ -89,40 +89,50 @@ class ChangingNoise:
     ----------
     recursions : mapping of str to VarianceRecursion
         By channel; channels that are not named stay constant.
+    reference : mapping of str to float, optional
+        By channel, what `rest_variance` finds where the noise is as loud as the constant density
+        says: of the static record that the density comes from. Default: of the recording itself,
+        one number a channel, so that the density is kept on average.
     """
 
     recursions: Mapping[str, VarianceRecursion]
+    reference: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        wrong = [c for c in self.recursions if c not in CHANNELS]
+        wrong = [c for c in (*self.recursions, *self.reference) if c not in CHANNELS]
         if wrong:
             raise InputError(f"channels {', '.join(wrong)}", expected=", ".join(CHANNELS))
         object.__setattr__(self, "recursions", dict(self.recursions))
+        object.__setattr__(self, "reference", dict(self.reference))
 
-    def white_scale(self, imu: ImuRecording, white_density: ArrayLike) -> FloatArray:
+    def white_scale(self, imu: ImuRecording) -> FloatArray:
         """Return what multiplies the squared white-noise densities, sample by sample.
 
         Parameters
         ----------
         imu : ImuRecording
             All six channels, evenly sampled.
-        white_density : (6,) array_like
-            Constant densities of the filter, accelerometers first.
 
         Returns
         -------
         (n, 6) ndarray
-            For `run`; row k depends on samples before k alone.
+            For `run`, accelerometers first; row k depends on samples before k alone, and on one
+            number a channel where no reference is given.
+
+        Notes
+        -----
+        Ratios, not variances: a sensor that filters its output shows little of its noise in second
+        differences, but shows it always alike.
         """
-        density = np.asarray(white_density, dtype=np.float64)
-        interval = imu.duration / max(imu.size - 1, 1)
         scale = np.ones((imu.size, 6))
         for c, channel in enumerate(FILTER_CHANNELS):
             recursion = self.recursions.get(channel)
-            if recursion is None or density[c] == 0.0:
+            if recursion is None:
                 continue
-            constant = density[c] ** 2 / interval
-            scale[:, c] = one_step_variance(imu.channel(channel), recursion, constant) / constant
+            signal = imu.channel(channel)
+            usual = self.reference.get(channel) or second_difference_variance(signal)
+            if usual > 0.0:
+                scale[:, c] = one_step_variance(signal, recursion, usual) / usual
         return np.clip(scale, 1.0 / LARGEST_RATIO, LARGEST_RATIO)
 
     def to_dict(self) -> dict[str, Any]:
@@ -168,7 +178,45 @@ def one_step_variance(
     )
 
 
-def averaged_noise(interval: float, memory: float = DEFAULT_MEMORY) -> ChangingNoise:
+def second_difference_variance(signal: FloatArray) -> float:
+    """Mean square of the second differences over six: the variance of white noise in a signal.
+
+    Parameters
+    ----------
+    signal : (n,) ndarray
+        A channel.
+
+    Returns
+    -------
+    float
+        In the square of its unit; 0 with fewer than three samples.
+    """
+    if signal.size < 3:
+        return 0.0
+    return float(np.mean(np.diff(signal, 2) ** 2) / SECOND_DIFFERENCE_POWER)
+
+
+def rest_variance(static: ImuRecording) -> dict[str, float]:
+    """Return the reference of every channel from a static recording.
+
+    Parameters
+    ----------
+    static : ImuRecording
+        At rest, at the rate of the drive.
+
+    Returns
+    -------
+    dict of str to float
+        For `ChangingNoise`.
+    """
+    return {c: second_difference_variance(static.channel(c)) for c in CHANNELS}
+
+
+def averaged_noise(
+    interval: float,
+    memory: float = DEFAULT_MEMORY,
+    reference: Mapping[str, float] | None = None,
+) -> ChangingNoise:
     """Let the noise of every channel follow the exponential average of its squares.
 
     Parameters
@@ -177,6 +225,8 @@ def averaged_noise(interval: float, memory: float = DEFAULT_MEMORY) -> ChangingN
         Between samples, s.
     memory : float
         s.
+    reference : mapping of str to float, optional
+        As for `ChangingNoise`.
 
     Returns
     -------
@@ -184,7 +234,7 @@ def averaged_noise(interval: float, memory: float = DEFAULT_MEMORY) -> ChangingN
         For `ErrorModel`.
     """
     recursion = VarianceRecursion.averaging(memory, interval)
-    return ChangingNoise(dict.fromkeys(CHANNELS, recursion))
+    return ChangingNoise(dict.fromkeys(CHANNELS, recursion), reference or {})
 
 
 def fitted_noise(static: ImuRecording) -> ChangingNoise:
@@ -215,7 +265,7 @@ def fitted_noise(static: ImuRecording) -> ChangingNoise:
             persistence = float(fit.alpha[0] + fit.beta[0])
             # every second difference was seen: one step of the fit is two samples
             found[channel] = _halved(float(fit.alpha[0]), min(persistence, 1.0))
-    return ChangingNoise(found)
+    return ChangingNoise(found, rest_variance(static))
 
 
 def _halved(alpha: float, persistence: float) -> VarianceRecursion:

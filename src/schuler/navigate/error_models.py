@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError, ModelError
@@ -159,15 +159,13 @@ class ErrorModel:
         """
         return imu if self.denoising is None else self.denoising.apply(imu)
 
-    def white_scale(self, imu: ImuRecording, white_density: ArrayLike) -> FloatArray | None:
+    def white_scale(self, imu: ImuRecording) -> FloatArray | None:
         """Return what multiplies the squared white-noise densities, sample by sample.
 
         Parameters
         ----------
         imu : ImuRecording
             As recorded: de-noised measurements do not show how loud the noise is.
-        white_density : (6,) array_like
-            Constant densities of the filter, accelerometers first.
 
         Returns
         -------
@@ -179,7 +177,7 @@ class ErrorModel:
             return None
         if changing == "averaged":
             changing = averaged_noise(imu.duration / max(imu.size - 1, 1))
-        return changing.white_scale(imu, white_density)
+        return changing.white_scale(imu)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON: name, states, processes of every channel, notes."""
@@ -236,7 +234,7 @@ def error_model(
     autoregressive: Mapping[str, Autoregressive] | None = None,
     noise_model: NoiseModel | None = None,
     denoising: SensorDenoising | None = None,
-    garch: ChangingNoise | None = None,
+    changing_noise: ChangingNoise | None = None,
 ) -> ErrorModel:
     """Build an error model of the catalogue.
 
@@ -253,8 +251,9 @@ def error_model(
         For "own".
     denoising : SensorDenoising, optional
         For 18AVWD; default: table 7 of S004, off-line.
-    garch : ChangingNoise, optional
-        For "+garch": see `fitted_noise`.
+    changing_noise : ChangingNoise, optional
+        For "+garch", see `fitted_noise`, or "+averaged"; default for the latter: the average of
+        the last second against that of the whole drive.
 
     Returns
     -------
@@ -281,7 +280,7 @@ def error_model(
     corrected = "corrected" in options
     if "averaged" in options and "garch" in options:
         raise InputError(f"error model '{name}'", expected="averaged or garch")
-    if "garch" in options and garch is None:
+    if "garch" in options and changing_noise is None:
         raise InputError(
             f"error model '{name}' without a GARCH model",
             cure="give a static recording of the sensor at the rate of the drive",
@@ -312,12 +311,16 @@ def error_model(
         notes=tuple(notes),
         scale_factor_sd=SCALE_FACTOR_SD if "scale" in options else 0.0,
         misalignment_sd=MISALIGNMENT_SD if "misalignment" in options else 0.0,
-        changing_noise="averaged"
-        if "averaged" in options
-        else garch
-        if "garch" in options
-        else None,
+        changing_noise=_changing(options, changing_noise),
     )
+
+
+def _changing(
+    options: tuple[str, ...], given: ChangingNoise | None
+) -> ChangingNoise | Literal["averaged"] | None:
+    if "averaged" in options:
+        return given or "averaged"
+    return given if "garch" in options else None
 
 
 def _allan(channel: str, r: AllanReading, walk: bool, corrected: bool) -> ProcessSum:

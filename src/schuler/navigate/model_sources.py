@@ -12,7 +12,12 @@ from schuler.data import ImuRecording
 from schuler.errors import InputError
 from schuler.navigate.allan_readings import AllanReading, allan_readings, readings_of_static
 from schuler.navigate.autoregressive_fits import autoregressive_fits
-from schuler.navigate.changing_noise import fitted_noise
+from schuler.navigate.changing_noise import (
+    ChangingNoise,
+    averaged_noise,
+    fitted_noise,
+    rest_variance,
+)
 from schuler.navigate.error_models import ErrorModel, error_model, split_model_name
 from schuler.navigate.sensor_denoising import SensorDenoising
 from schuler.processes import NoiseModel
@@ -78,18 +83,21 @@ def error_models(
     if orders:
         record, note = _rest(noise_model, static, rate, orders)
         fits = autoregressive_fits(record, orders)
-    garch = None
-    if static is not None and any("garch" in options for _, options in split):
-        garch = fitted_noise(static)
+    changing: dict[str, ChangingNoise] = {}
+    asked = {option for _, options in split for option in options}
+    if static is not None and "garch" in asked:
+        changing["garch"] = fitted_noise(static)
+    if static is not None and "averaged" in asked:
+        changing["averaged"] = averaged_noise(1.0 / static.rate, reference=rest_variance(static))
     built = []
-    for name, base in zip(names, bases, strict=True):
+    for name, (base, options) in zip(names, split, strict=True):
         model = error_model(
             name,
             readings,
             autoregressive=fits.get(ORDERS.get(base, 0)),
             noise_model=noise_model,
             denoising=SensorDenoising.table_7(denoising),
-            garch=garch,
+            changing_noise=next((changing[o] for o in options if o in changing), None),
         )
         built.append(replace(model, notes=model.notes + note) if base in ORDERS else model)
     return tuple(built)
