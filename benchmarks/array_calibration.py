@@ -147,9 +147,10 @@ def held_out(used: ArrayCalibration, array: ImuArray, slope: np.ndarray) -> None
     ):
         values = shown(disagreement_after(used, judged, found, slope=slope))
         nominal = shown(nominal_disagreement(used, judged, find_rests(array)))
+        sharp = shown(disagreement_after(used, judged, found, slope=slope, sharpen=True))
         text = "; ".join(
             f"{c} {values[k][0]:.2f}/{values[k][1]:.2f} (nominal {nominal[k][0]:.2f}/"
-            f"{nominal[k][1]:.2f})"
+            f"{nominal[k][1]:.2f}, own derivative {sharp[k][0]:.2f}/{sharp[k][1]:.2f})"
             for c in GYRO_LIMITS if (k := ("gyro", c)) in values
         )  # fmt: skip
         print(f"    {words}: {text}")

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data import ImuArray
 from schuler.fuse.calibration.rows import Rests
 
 FloatArray = NDArray[np.float64]
@@ -48,25 +47,6 @@ class Disagreement:
     values: int
 
 
-def deviations(array: ImuArray, quantity: Quantity) -> FloatArray:
-    """Return every sensor minus the mean of all, (n, k, 3), NaN where one is missing.
-
-    Parameters
-    ----------
-    array : ImuArray
-        In the axes of the body.
-    quantity : {"gyro", "accel"}
-        Which sensors.
-
-    Returns
-    -------
-    (n, k, 3) ndarray
-        rad/s or m/s².
-    """
-    values = array.gyro if quantity == "gyro" else array.accel
-    return np.asarray(values - values.mean(axis=1, keepdims=True))
-
-
 def measure_disagreement(
     residual: FloatArray,
     rate: FloatArray,
@@ -81,7 +61,7 @@ def measure_disagreement(
     Parameters
     ----------
     residual : (n, k, 3) ndarray
-        From `deviations`.
+        Every sensor minus the mean of all, rad/s or m/s²; NaN where one is missing.
     rate : (n, 3) ndarray
         Mean rate of the body, rad/s.
     rests : Rests

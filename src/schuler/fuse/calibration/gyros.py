@@ -203,7 +203,7 @@ def fit_gyros(
         if turn > 0 and timing in ("auto", "polled"):
             rest = turned - offset - np.einsum("kij,nj->nki", relative, mean)
             if turn == 1 or track is not None:
-                track = track_polling(time, rest, slope, noise, period=period)
+                track = track_polling(time, rest, slope, noise, period=period, before=track)
             if track is not None:
                 moved, delay, turned = track.relative_delay(time), np.zeros(k), recorded
         w, s = mean[lively], slope[lively]

@@ -34,6 +34,8 @@ EVIDENCE = 50.0
 """Log-likelihood that the sawtooth must gain over a constant delay to be believed."""
 LEAST = 200
 """Lively samples that are needed."""
+ROUNDS = 3
+"""Of tracking all chips against each other's latest phases."""
 SHARE = 0.1
 """Of a period: error of a delay from the interpolation of the motion between samples."""
 
@@ -115,7 +117,7 @@ def track_polling(
     noise: float,
     *,
     period: float | None = None,
-    rounds: int = 3,
+    before: PollingTrack | None = None,
 ) -> PollingTrack | None:
     """Find whether the chips run free, and track their sampling phases.
 
@@ -132,8 +134,8 @@ def track_polling(
         Standard deviation of a component of the residuals at rest, rad/s.
     period : float, optional
         Internal sampling period, s; found from the size of the sawtooth if not given.
-    rounds : int
-        Of tracking all chips against each other's latest phases.
+    before : PollingTrack, optional
+        From the same recording with poorer residuals: its beats are where to begin.
 
     Returns
     -------
@@ -166,19 +168,23 @@ def track_polling(
     seen = -np.einsum("nki,ni->nk", residual[good], unit) / length[:, None]
     k = seen.shape[1]
     scale = 1.0 - 1.0 / k
-    amplitude, beat = _beats(stamps, seen, length)
     step = float(np.median(np.diff(time)))
-    value = float(np.median(amplitude)) * np.pi / scale if period is None else period
-    value = min(value, step)
+    if before is None:
+        amplitude, beat = _beats(stamps, seen, length)
+        value = float(np.median(amplitude)) * np.pi / scale
+    else:
+        beat, value = before.beat.copy(), before.period
+    value = min(value if period is None else period, step)
     blocks, index = np.unique(((stamps - time[0]) // BLOCK).astype(np.int64), return_inverse=True)
     age = np.full(seen.shape, 0.5 * value)
     state = _State(beat, np.zeros((blocks.size, k)), np.ones((blocks.size, k)), np.zeros(k))
-    for turn in range(rounds):
+    for turn in range(ROUNDS):
         for i in range(k):
             # residuals are against the mean, in which this chip has its share
             own = (seen[:, i] + (age.sum(axis=1) - age[:, i]) / k) / scale
             weight = 1.0 / ((noise / length) ** 2 + (SHARE * value) ** 2)
-            signs = (1.0, -1.0) if turn == 0 else (np.sign(state.beat[i]) or 1.0,)
+            known = turn > 0 or before is not None
+            signs = (float(np.sign(state.beat[i])) or 1.0,) if known else (1.0, -1.0)
             _track_one(state, i, signs, stamps - time[0], own, weight, value, index, blocks.size)
         age = _ages(state, stamps, time[0], index, value)
         if period is None:
@@ -280,14 +286,14 @@ def _smooth(table: FloatArray) -> tuple[float, FloatArray]:
     blocks, phases = table.shape
     lag = np.minimum(np.arange(phases), phases - np.arange(phases)) / phases
     kernel = np.exp(-0.5 * (lag / WANDER) ** 2)
-    spectrum = np.fft.rfft(kernel / kernel.sum())
+    offsets = np.subtract.outer(np.arange(phases), np.arange(phases)) % phases
+    spread = kernel[offsets] / kernel.sum()  # symmetric
     top = table.max(axis=1, keepdims=True)
     likelihood = np.exp(table - top)
     forward = np.empty_like(table)
     probability, total = np.full(phases, 1.0 / phases), float(top.sum())
     for b in range(blocks):
-        moved = np.fft.irfft(np.fft.rfft(probability) * spectrum, phases)
-        probability = np.maximum(moved, 1e-30) * likelihood[b]
+        probability = np.maximum(spread @ probability, 1e-30) * likelihood[b]
         norm = float(probability.sum())
         total += np.log(norm)
         probability = probability / norm
@@ -297,8 +303,7 @@ def _smooth(table: FloatArray) -> tuple[float, FloatArray]:
     for b in range(blocks - 1, -1, -1):
         posterior[b] = forward[b] * backward
         posterior[b] /= posterior[b].sum()
-        moved = np.fft.irfft(np.fft.rfft(backward * likelihood[b]) * spectrum, phases)
-        backward = np.maximum(moved, 1e-30)
+        backward = np.maximum(spread @ (backward * likelihood[b]), 1e-30)
         backward /= backward.sum()
     return total, posterior
 
