@@ -19,7 +19,8 @@ from schuler.fuse.calibration.judging import (
 )
 from schuler.fuse.calibration.poses import fit_poses
 from schuler.fuse.calibration.result import ArrayCalibration
-from schuler.fuse.calibration.rows import mask_saturated
+from schuler.fuse.calibration.rows import Rests, mask_saturated
+from schuler.fuse.calibration.turns import fit_turns
 from schuler.fuse.reading import read_array
 from schuler.rotations import dcm_from_rotation_vector
 
@@ -136,6 +137,37 @@ def test_gravity_gives_scale_and_bias_of_the_mean_accelerometer() -> None:
     # upright poses only do not determine nine numbers
     flat = force * [1.0, 1.0, 0.0]
     assert fit_poses(flat / np.linalg.norm(flat, axis=1, keepdims=True) * GRAVITY) is None
+
+
+def test_turning_from_pose_to_pose_tells_the_mean_gyro() -> None:
+    """A body that rests, turns, rests: what its gyros show of the turns, against gravity."""
+    rng = np.random.default_rng(9)
+    fine, pace = 20, 0.01
+    gyro = np.eye(3) + 0.02 * rng.normal(size=(3, 3))
+    rates, poses, directions = [], [], []
+    up = np.array([0.0, 0.0, 1.0])
+    for p in range(15):
+        rates.append(np.zeros((200, 3)))
+        poses.append(np.full(200, p))
+        directions.append(up)
+        t = (np.arange(200 * fine) + 0.5) / (200 * fine)
+        turn = np.sin(np.pi * t)[:, None] ** 2 * rng.normal(0.0, 1.2, 3)
+        turn += np.sin(2 * np.pi * t)[:, None] * rng.normal(0.0, 0.8, 3)
+        for step in dcm_from_rotation_vector(-turn * pace / fine):
+            up = step @ up
+        # samples at the ends of the steps, from the fine ones around
+        edges = np.vstack([np.zeros(3), 0.5 * (turn[1:] + turn[:-1]), np.zeros(3)])
+        rates.append(edges[fine::fine][:200])
+        poses.append(np.full(200, -1))
+    rate, pose = np.concatenate(rates), np.concatenate(poses)
+    noisy = rate @ gyro.T + 5e-4 * rng.standard_normal(rate.shape)
+    force = GRAVITY * np.array(directions) + 1e-3 * rng.standard_normal((15, 3))
+    found = fit_turns(np.arange(rate.shape[0]) * pace, noisy, Rests(pose >= 0, pose), force)
+    assert found is not None and found.turns == 14
+    error = (found.matrix - np.linalg.inv(gyro)) / found.matrix_sd
+    # nine scores with 19 degrees of freedom in their scale
+    assert np.mean(error**2) < 3.0 and found.matrix_sd.max() < 1e-3
+    assert found.deviation < 0.1 * found.before
 
 
 def test_polled_chips_are_seen_and_their_phases_tracked() -> None:

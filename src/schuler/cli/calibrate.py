@@ -11,7 +11,6 @@ from schuler.cli.reading import ImuReading
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
-    from schuler.fuse.calibration.result import ArrayCalibration
     from schuler.fuse.calibration.review import CalibrationReview
 
 
@@ -164,10 +163,14 @@ def show_calibration(
     """
     import numpy as np
 
+    from schuler.report.sections.calibration import calibration_rows
+
     one = review.calibration
     screen.heading(f"Calibration of {one.count} IMUs", f"{one.rests} static poses")
-    columns, rows = parameter_rows(one)
-    screen.table(columns, rows, words=2)
+    columns, rows = calibration_rows(one)
+    # biases are for the page: a terminal has no room for them
+    shown = [0, 1, 2, 3, 4, 5, -1]
+    screen.table([columns[k] for k in shown], [[r[k] for k in shown] for r in rows], words=2)
     for judged in review.judgements:
         nominal = {(d.quantity, d.condition): d for d in judged.nominal}
         lines = []
@@ -189,40 +192,3 @@ def show_calibration(
         screen.finding("info", text)
     for path in written:
         screen.line(f"wrote {path}", "dim")
-
-
-def parameter_rows(one: ArrayCalibration) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return the table of one calibration: an axis a row, standard errors in brackets.
-
-    Parameters
-    ----------
-    one : ArrayCalibration
-        What was found.
-
-    Returns
-    -------
-    columns : tuple of str
-        Headings.
-    rows : list of tuple of str
-        Cells.
-    """
-    import numpy as np
-
-    from schuler.report.numbers import compact_with_error
-
-    polled = one.period is not None
-    columns = ("IMU", "", "turn, deg", "gyro scale, %", "accel scale, %", "lever arm, mm")
-    pairs = (
-        (np.degrees(one.turn), np.degrees(one.turn_sd)),
-        (100.0 * one.gyro_scale, 100.0 * one.gyro_scale_sd),
-        (100.0 * one.accel_scale, 100.0 * one.accel_scale_sd),
-        (1e3 * one.position, 1e3 * one.position_sd),
-    )
-    rows: list[tuple[str, ...]] = []
-    for i, name in enumerate(one.names):
-        delay = compact_with_error(1e3 * float(one.delay[i]), 1e3 * float(one.delay_sd[i]))
-        last = f"{one.beat[i]:+.2f}" if polled else delay
-        for c, letter in enumerate("xyz"):
-            cells = [compact_with_error(float(v[i, c]), float(e[i, c])) for v, e in pairs]
-            rows.append((name if c == 0 else "", letter, *cells, last if c == 0 else ""))
-    return (*columns, "beat, Hz" if polled else "delay, ms"), rows

@@ -20,6 +20,7 @@ from schuler.fuse.calibration.judging import (
 from schuler.fuse.calibration.poses import STANDARD_GRAVITY, PoseFit, fit_poses
 from schuler.fuse.calibration.result import ArrayCalibration
 from schuler.fuse.calibration.rows import MARGIN, Rests, find_rests, low_passed, mask_saturated
+from schuler.fuse.calibration.turns import fit_turns
 from schuler.fuse.clocks.delays import require_several, shift
 from schuler.fuse.clocks.polling import sharpened_slope
 from schuler.fuse.clocks.resampling import rate_of_change
@@ -105,9 +106,13 @@ def calibrate_array(
             mean_sensor=np.asarray(np.linalg.inv(poses.matrix), dtype=np.float64),
         )  # fmt: skip
     calibration = _assemble(array, gyros, forces, poses, rests)
+    turns = None
+    if forces is not None and rests.count > 1:
+        means = _pose_means(used, calibration.accel_correction, calibration.accel_bias, rests)
+        turns = fit_turns(used.time, motion.rate, rests, means)
     before = nominal_disagreement(calibration, used, rests)
     after = disagreement_after(calibration, used, gyros.track, rests, motion.slope)
-    found = findings_of(array, gyros, forces, poses, rests, saturated, before, after)
+    found = findings_of(array, gyros, forces, poses, rests, turns, saturated)
     return replace(calibration, before=before, after=after, findings=found)
 
 
@@ -150,21 +155,28 @@ def _no_copies(array: ImuArray) -> None:
 
 
 def _poses(
-    array: ImuArray,
-    forces: AccelerometerFit | None,
-    rests: Rests,
-    gravity: float,
+    array: ImuArray, forces: AccelerometerFit | None, rests: Rests, gravity: float
 ) -> PoseFit | None:
     """Compare the mean accelerometer with gravity in every static pose."""
     if forces is None or rests.count == 0:
         return None
-    still = np.flatnonzero(rests.rows)
-    body = np.einsum(
-        "kij,nkj->nki", np.linalg.inv(forces.sensor), array.accel[still] - forces.bias
-    ).mean(axis=1)
-    means = [np.nanmean(body[rests.pose[still] == p], axis=0) for p in range(rests.count)]
-    good = np.array([m for m in means if np.isfinite(m).all()]).reshape(-1, 3)
-    return fit_poses(good, gravity)
+    correction = np.asarray(np.linalg.inv(forces.sensor), dtype=np.float64)
+    means = _pose_means(array, correction, forces.bias, rests)
+    return fit_poses(means[np.isfinite(means).all(axis=1)], gravity)
+
+
+def _pose_means(
+    array: ImuArray, correction: FloatArray, bias: FloatArray, rests: Rests
+) -> FloatArray:
+    """Mean force of all sensors in every pose, (p, 3); NaN where one is missing throughout."""
+    means = np.full((rests.count, 3), np.nan)
+    for p in range(rests.count):
+        rows = rests.pose == p
+        body = np.einsum("kij,nkj->nki", correction, array.accel[rows] - bias).mean(axis=1)
+        whole = np.isfinite(body).all(axis=1)
+        if whole.any():
+            means[p] = body[whole].mean(axis=0)
+    return means
 
 
 def _assemble(

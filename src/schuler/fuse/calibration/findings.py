@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from schuler.data import ImuArray
 from schuler.data._checks import FloatArray
 from schuler.fuse.calibration.accelerometers import AccelerometerFit
-from schuler.fuse.calibration.disagreement import Disagreement
 from schuler.fuse.calibration.gyros import GyroFit
 from schuler.fuse.calibration.poses import LEAST, PoseFit
 from schuler.fuse.calibration.rows import Rests
+from schuler.fuse.calibration.turns import TurnFit
 
 LOST = 0.05
 """Share of missing rows of an IMU that is worth a word."""
@@ -25,9 +25,8 @@ def findings_of(
     forces: AccelerometerFit | None,
     poses: PoseFit | None,
     rests: Rests,
+    turns: TurnFit | None,
     saturated: NDArray[np.int64],
-    before: tuple[Disagreement, ...],
-    after: tuple[Disagreement, ...],
 ) -> tuple[str, ...]:
     """Say what was seen, what was not, and what that means.
 
@@ -35,14 +34,12 @@ def findings_of(
     ----------
     array : ImuArray
         As recorded.
-    gyros, forces, poses
+    gyros, forces, poses, turns
         What was fitted.
     rests : Rests
         When the array stood still.
     saturated : (k, 2) ndarray of int
         Rows lost around saturated samples, by IMU; gyros and accelerometers.
-    before, after : tuple of Disagreement
-        On the recording that was fitted.
 
     Returns
     -------
@@ -92,6 +89,16 @@ def findings_of(
         said.append(
             "there was little motion: sensitivities are known to "
             f"{100.0 * float(np.median(gyros.deviation_sd)):.1f} % only"
+        )
+    if turns is not None:
+        scale, error = (
+            100.0 * (np.diagonal(turns.matrix) - 1.0),
+            100.0 * np.diagonal(turns.matrix_sd),
+        )
+        each = ", ".join(f"{v:+.2f} ± {e:.2f}" for v, e in zip(scale, error, strict=True))
+        said.append(
+            f"gravity carried through {turns.turns} turns from pose to pose: the mean gyro would "
+            f"have to be scaled by {each} % on x, y, z; that is told, not applied"
         )
     said.append(
         "what all sensors have in common (a turn of the whole, the scale of all gyros) is not "

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data import ImuArray
+from schuler.data import ImuArray, Mounting
 from schuler.data._checks import FloatArray
 from schuler.errors import EstimationError
 from schuler.fuse.calibration.accelerometers import arm_matrix
@@ -15,6 +15,7 @@ from schuler.fuse.calibration.disagreement import Disagreement, measure_disagree
 from schuler.fuse.calibration.gyros import rest_biases
 from schuler.fuse.calibration.result import ArrayCalibration
 from schuler.fuse.calibration.rows import MARGIN, Rests, find_rests, mask_saturated
+from schuler.fuse.clocks.delays import estimate_delays
 from schuler.fuse.clocks.polling import PollingTrack, sharpened_slope, track_polling
 from schuler.fuse.clocks.resampling import rate_of_change
 
@@ -144,6 +145,39 @@ def calibrated_biases(calibration: ArrayCalibration, array: ImuArray) -> ArrayCa
     if find_rests(array).count == 0:
         return calibration
     return with_biases_at_rest(calibration, array)
+
+
+def with_own_delays(calibration: ArrayCalibration, array: ImuArray) -> ArrayCalibration:
+    """Return the calibration with the constant delays of a recording itself.
+
+    Parameters
+    ----------
+    calibration : ArrayCalibration
+        Of the same IMUs.
+    array : ImuArray
+        The recording. IMUs that are read in step keep their delays while a recording lasts, and
+        start anew with the next.
+
+    Returns
+    -------
+    ArrayCalibration
+        Unchanged where the chips are polled, where it has no delays, or where there is too little
+        motion to find them.
+
+    Raises
+    ------
+    InputError
+        Another number of IMUs.
+    """
+    calibration.check_fits(array)
+    if calibration.period is not None or not np.any(calibration.delay):
+        return calibration
+    mounted = replace(array, mounting=Mounting(calibration.nominal, calibration.position))
+    try:
+        found = estimate_delays(mounted)
+    except EstimationError:
+        return calibration
+    return replace(calibration, delay=found.delay, delay_sd=found.standard_deviation)
 
 
 def disagreement_after(

@@ -17,6 +17,7 @@ from schuler.fuse.calibration.judging import (
     nominal_disagreement,
     residuals_after,
     track_phases,
+    with_own_delays,
 )
 from schuler.fuse.calibration.result import ArrayCalibration
 from schuler.fuse.calibration.rows import find_rests, low_passed, mask_saturated
@@ -135,8 +136,8 @@ def review_calibration(
         Of that recording.
     others : sequence of (str, ImuArray)
         Other recordings of the same array, with names. On each, biases are taken from its own
-        rests where it has some, and sampling phases are tracked; everything else is that of the
-        calibration.
+        rests where it has some, and its own delays or sampling phases are found; everything else is
+        that of the calibration.
     bandwidth : float, optional
         Low-pass everything to this first, Hz, as for `calibrate_array`.
 
@@ -156,11 +157,22 @@ def review_calibration(
     judged = [_judge(calibration, array, name, own=True)]
     curves, phases = _views(calibration, array)
     for title, other in others:
-        judged.append(_judge(calibrated_biases(calibration, other), other, title, own=False))
+        here = with_own_delays(calibrated_biases(calibration, other), other)
+        judged.append(
+            _judge(
+                here,
+                other,
+                title,
+                own=False,
+                delays=not np.array_equal(here.delay, calibration.delay),
+            )
+        )
     return CalibrationReview(calibration, curves, phases, tuple(judged))
 
 
-def _judge(calibration: ArrayCalibration, array: ImuArray, name: str, *, own: bool) -> Judgement:
+def _judge(
+    calibration: ArrayCalibration, array: ImuArray, name: str, *, own: bool, delays: bool = False
+) -> Judgement:
     masked, _ = mask_saturated(array)
     rests = find_rests(masked)
     track = track_phases(calibration, array)
@@ -171,6 +183,8 @@ def _judge(calibration: ArrayCalibration, array: ImuArray, name: str, *, own: bo
     estimated = [] if rests.count == 0 else ["biases at rest"]
     if track is not None:
         estimated.append("sampling phases")
+    if delays:
+        estimated.append("delays")
     text = "everything" if own else " and ".join(estimated) or "nothing"
     return Judgement(
         name,

@@ -32,6 +32,8 @@ CURVES = {
 }
 IMU_COLOURS = ("@x", "@y", "@z", "@markov", "@white", "@walk", "@other", "@mark")
 MOST_PHASES = 4
+NO_ERROR = 1e-6
+"""Below this a parameter was held, not estimated."""
 
 
 @register
@@ -96,8 +98,10 @@ def _facts(result: CalibrationReview) -> Facts:
         ("IMUs", str(one.count)),
         ("Static poses", str(one.rests)),
         ("Largest turn from nominal", f"{number(largest)} deg"),
-        ("Gyro scale, largest", f"{number(100.0 * float(np.abs(one.gyro_scale).max()))} %"),
     ]
+    if float(one.gyro_scale_sd.max()) > 0.01 * NO_ERROR:
+        scale = 100.0 * float(np.abs(one.gyro_scale).max())
+        items.append(("Gyro scale, largest", f"{number(scale)} %"))
     if one.period is not None:
         items.append(("Chips sample every", f"{1e3 * one.period:.3f} ms"))
     elif np.ptp(one.delay) > 1e-6:
@@ -255,38 +259,56 @@ def _places(one: ArrayCalibration) -> FigureGrid:
     )
 
 
-def _table(one: ArrayCalibration) -> Table:
-    rows = []
-    turn, turn_sd = np.degrees(one.turn), np.degrees(one.turn_sd)
-    bias, bias_sd = np.degrees(one.gyro_bias), np.degrees(one.gyro_bias_sd)
+def calibration_rows(one: ArrayCalibration) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return the table of a calibration: an axis of an IMU a row, standard errors in brackets.
+
+    Parameters
+    ----------
+    one : ArrayCalibration
+        What was found.
+
+    Returns
+    -------
+    columns : tuple of str
+        Headings; the last three are of biases, and of delays or beats.
+    rows : list of tuple of str
+        Cells; a dash where nothing was estimated.
+    """
+    polled = one.period is not None
+    delay = "beat, Hz" if polled else "delay, ms"
+    columns = ("IMU", "", "turn, deg", "gyro scale, %", "accel scale, %", "lever arm, mm")
+    pairs = (
+        (np.degrees(one.turn), np.degrees(one.turn_sd)),
+        (100.0 * one.gyro_scale, 100.0 * one.gyro_scale_sd),
+        (100.0 * one.accel_scale, 100.0 * one.accel_scale_sd),
+        (1e3 * one.position, 1e3 * one.position_sd),
+        (np.degrees(one.gyro_bias), np.degrees(one.gyro_bias_sd)),
+        (one.accel_bias, one.accel_bias_sd),
+    )
+    rows: list[tuple[str, ...]] = []
     for i, name in enumerate(one.names):
-        for axis_number, letter in enumerate("xyz"):
-            c = axis_number
-            rows.append(
-                (
-                    name if c == 0 else "",
-                    letter,
-                    compact_with_error(turn[i, c], turn_sd[i, c]),
-                    compact_with_error(
-                        100.0 * one.gyro_scale[i, c], 100.0 * one.gyro_scale_sd[i, c]
-                    ),
-                    compact_with_error(bias[i, c], bias_sd[i, c]),
-                    compact_with_error(
-                        100.0 * one.accel_scale[i, c], 100.0 * one.accel_scale_sd[i, c]
-                    ),
-                    compact_with_error(one.accel_bias[i, c], one.accel_bias_sd[i, c]),
-                    compact_with_error(1e3 * one.position[i, c], 1e3 * one.position_sd[i, c]),
-                )
-            )
+        late = _estimate(1e3 * float(one.delay[i]), 1e3 * float(one.delay_sd[i]))
+        last = f"{one.beat[i]:+.2f}" if polled else late
+        for c, letter in enumerate("xyz"):
+            cells = [_estimate(float(v[i, c]), float(e[i, c])) for v, e in pairs]
+            rows.append((name if c == 0 else "", letter, *cells, last if c == 0 else ""))
+    return (*columns, "gyro bias, deg/s", "accel bias, m/s²", delay), rows
+
+
+def _estimate(value: float, error: float) -> str:
+    return compact_with_error(value, error) if error > NO_ERROR else MISSING
+
+
+def _table(one: ArrayCalibration) -> Table:
+    columns, rows = calibration_rows(one)
     return Table(
         "Parameters, the standard error of the last digits in brackets",
-        ("IMU", "axis", "turn, deg", "gyro scale, %", "gyro bias, deg/s", "accel scale, %",
-         "accel bias, m/s²", "lever arm, mm"),
+        columns,
         tuple(rows),
         words=(0, 1),
         note="Turn: of the gyro triad against its nominal mounting, about the axes of the body. "
         "Scales and biases by the sensor's own axes. The gauge is the mean of all IMUs.",
-    )  # fmt: skip
+    )
 
 
 def _matrices(one: ArrayCalibration) -> tuple[Block, ...]:
