@@ -57,7 +57,7 @@ def test_it_finds_turns_and_arms_and_writes_what_is_asked(
     np.testing.assert_allclose(found.position, ARM - ARM.mean(axis=0), atol=1e-3)
     judged = json.loads(result.read_text())["judged"]
     assert [j["name"] for j in judged] == ["array", "array"]
-    assert judged[1]["estimated_on_it"] == "biases at rest"
+    assert judged[1]["estimated_on_it"] == "biases at rest and delays"
     for one in judged:
         gyro = {d["condition"]: d["rms"] for d in one["calibrated"] if d["quantity"] == "gyro"}
         # three sensors of 1e-3 rad/s against their mean
