@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from schuler.identify.orthogonal_search.search import FosFit, fast_orthogonal_search
     from schuler.identify.residuals.tests import arch_lm_test, ljung_box_test
     from schuler.navigate import navigate, navigate_array
+    from schuler.navigate.inflation import NoiseInflation, NoiseTuning, tune_noise
     from schuler.navigate.observability import Observability, Segment, observability
     from schuler.navigate.streaming import FilterState, GnssReceiver, NavigationFilter
     from schuler.processes import (
@@ -147,6 +148,7 @@ _HOMES = {
     "schuler.fuse.reading": ("read_array",),
     "schuler.navigate": ("navigate", "navigate_array"),
     "schuler.navigate.streaming": ("FilterState", "GnssReceiver", "NavigationFilter"),
+    "schuler.navigate.inflation": ("NoiseInflation", "NoiseTuning", "tune_noise"),
     "schuler.navigate.observability": ("Observability", "Segment", "observability"),
     "schuler.navigate.error_models": ("ErrorModel",),
     "schuler.navigate.model_sources": ("error_models",),
@@ -188,7 +190,9 @@ __all__ = [
     "Mounting",
     "NavigationFilter",
     "NavigationSolution",
+    "NoiseInflation",
     "NoiseModel",
+    "NoiseTuning",
     "Observability",
     "OutageEvaluation",
     "PooledIdentification",
@@ -247,6 +251,7 @@ __all__ = [
     "simulate_imu",
     "simulate_static",
     "synchronize",
+    "tune_noise",
     "wavelet_variance",
     "write_kalibr",
     "write_report",

@@ -22,6 +22,7 @@ from schuler.cli.navigate import navigate
 from schuler.cli.outages import outages
 from schuler.cli.reproduce import reproduce
 from schuler.cli.simulate import simulate
+from schuler.cli.tune import tune
 from schuler.cli.warm import warm
 from schuler.errors import SchulerError
 
@@ -44,7 +45,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _command in (
-    demo, characterize, calibrate, navigate, observability, outages, simulate, export,
+    demo, characterize, calibrate, navigate, observability, outages, tune, simulate, export,
     reproduce, warm,
 ):  # fmt: skip
     app.command(_command)

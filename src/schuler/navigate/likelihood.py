@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.navigate.aiding import VELOCITY
 from schuler.navigate.engine import gate_thresholds
 from schuler.navigate.pieces import run_in_pieces
 from schuler.navigate.setup import RunSetup
+from schuler.navigate.stepping import NO_VEHICLE
 
 FloatArray = NDArray[np.float64]
 
@@ -84,10 +86,11 @@ def thin(gnss: GnssRecording, interval: float) -> GnssRecording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InnovationSequence:
-    """Scalar innovations (k,) and their claimed variances (k,), over one or several runs."""
+    """Scalar innovations (k,), their claimed variances (k,) and times (k,), over several runs."""
 
     value: FloatArray
     variance: FloatArray
+    time: FloatArray
 
     @property
     def log_likelihood(self) -> float:
@@ -111,7 +114,9 @@ def innovations(
     setup: RunSetup,
     level: FloatArray | None = None,
 ) -> InnovationSequence:
-    """Filter a drive once for every thinning of GNSS and gather the innovations.
+    """Filter a drive once for every thinning of GNSS and gather the innovations of GNSS.
+
+    What is known of a vehicle takes part in the filter, but only GNSS judges.
 
     Parameters
     ----------
@@ -136,21 +141,27 @@ def innovations(
         scale = setup.vibration.white_scale(level)
     scale = setup.condition.noise_scale(imu.time, scale, setup.model.white_density)
     restarts = setup.restarts(gnss[0])
-    scalars = [
-        run_in_pieces(
+    vehicle = NO_VEHICLE if setup.vehicle is None else setup.vehicle.states
+    flat, times = [], []
+    for fixes in gnss:
+        schedule = setup.schedule(imu, fixes)
+        done = run_in_pieces(
             imu,
             initial,
             restarts,
             setup.model,
-            setup.schedule(imu, fixes),
+            schedule,
             gate=gate,
             white_scale=scale,
+            vehicle=vehicle,
             keep_samples=False,
             keep_nodes=False,
             node_interval=1e9,
-        ).aiding.scalar
-        for fixes in gnss
-    ]
-    flat = np.concatenate([s.reshape(-1, 2) for s in scalars])
-    used = flat[:, 1] > 0.0
-    return InnovationSequence(flat[used, 0], flat[used, 1])
+        )
+        judges = schedule.kind <= VELOCITY
+        scalar = done.aiding.scalar[judges].reshape(-1, 2)
+        used = scalar[:, 1] > 0.0
+        flat.append(scalar[used])
+        times.append(np.repeat(schedule.time[judges], 3)[used])
+    both = np.concatenate(flat)
+    return InnovationSequence(both[:, 0], both[:, 1], np.concatenate(times))

@@ -268,7 +268,14 @@ class RunSetup:
         """
         model, start = self.model, self.alignment
         constant = {c: j[0] for c in range(6) if (j := model.constant_states(c)).size}
-        vehicle = {} if self.vehicle is None else {"aiding": list(self.vehicle.constraints)}
+        vehicle: dict[str, Any] = {}
+        if self.vehicle is not None:
+            vehicle = {"aiding": list(self.vehicle.constraints)}
+            if self.vehicle.first_state >= 0:
+                vehicle |= {
+                    "constraint_sd_right_m_s": self.vehicle.lateral_sd,
+                    "constraint_sd_down_m_s": self.vehicle.vertical_sd,
+                }
         return vehicle | {
             "time_offset_position_s": self.offsets.position,
             "time_offset_velocity_s": self.offsets.velocity,

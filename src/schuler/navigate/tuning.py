@@ -12,21 +12,21 @@ Cauchy tail, so that a few bad fixes do not pass for noise.
 
 References: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation,
 section 5.4; Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, section
-3.4 (scoring); spec 7.9.
+3.4 (scoring); White, Estimation, Inference and Specification Analysis, section 8.3 (the sandwich,
+for innovations that are used once more in every thinning); spec 7.9.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
-from schuler.navigate.alignment import Alignment
-from schuler.navigate.condition import SOUND, DriveCondition
 from schuler.navigate.likelihood import InnovationSequence, innovations, slower_imu, thin
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -36,8 +36,15 @@ FloatArray = NDArray[np.float64]
 
 # GNSS is thinned to one epoch in this many seconds; 0: every epoch
 THINNING = (0.0, 2.0, 5.0, 10.0)
+# what is known of a vehicle carries it longer
+VEHICLE_THINNING = (0.0, 5.0, 10.0, 30.0)
 # prior: a factor of this many nepers is one standard deviation away from the base
 PRIOR_SD = 1.5
+VEHICLE_PRIOR_SD = 0.7
+# while tuning, constraints of a vehicle come at this interval (s)
+SPARSE_INTERVAL = 0.5
+# pieces of time whose scores are taken as independent of each other (s)
+SCORE_BLOCK = 20.0
 # one unit of the search in time offset (s)
 OFFSET_UNIT = 0.01
 # step of the numerical derivatives, in nepers and offset units
@@ -58,6 +65,8 @@ class Tuning:
     ----------
     setup : RunSetup
         Ready to run.
+    values : dict of str to float
+        By parameter, in nepers, exponents, and units of the search for offsets.
     log_likelihood : float
         Sum over the thinned runs, prior included.
     gain : float
@@ -67,11 +76,12 @@ class Tuning:
     converged : bool
         Whether the search ended by itself.
     standard_errors : dict of str to float
-        By parameter, in nepers, offsets in s; they take innovations as independent between the
-        thinnings and are therefore somewhat small.
+        By parameter, in nepers, offsets in s, from the scatter of the scores over pieces of the
+        drive: that innovations appear in several thinnings, and are not quite white, is in it.
     """
 
     setup: RunSetup
+    values: dict[str, float]
     log_likelihood: float
     gain: float
     evaluations: int
@@ -82,14 +92,14 @@ class Tuning:
 def tune(
     imu: ImuRecording,
     gnss: GnssRecording,
-    base: SensorErrorModel,
+    start: RunSetup,
     *,
-    offsets: TimeOffsets,
-    alignment: Alignment,
-    lever_arm: FloatArray,
-    condition: DriveCondition = SOUND,
-    tune_noise: bool,
-    tune_offsets: bool,
+    noise: Literal["channels", "sensors"] | None,
+    offsets: bool,
+    first: Mapping[str, float] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    prior_sd: float = PRIOR_SD,
+    longest: int = LONGEST_SEARCH,
     progress: Callable[[str], None] | None = None,
 ) -> Tuning:
     """Find noise factors and time offsets under which the innovations were most likely.
@@ -100,16 +110,22 @@ def tune(
         The drive, all six channels.
     gnss : GnssRecording
         Only epochs that may be looked at: withheld windows must be gone already.
-    base : SensorErrorModel
-        Where the noise starts, and the centre of its prior.
-    offsets : TimeOffsets
-        Where the offsets start.
-    alignment : Alignment
-        Of the first sample.
-    lever_arm : (3,) ndarray
-        Antenna from IMU, body frame, m.
-    tune_noise, tune_offsets : bool
-        What to find.
+    start : RunSetup
+        Where noise and offsets start; its model, and the standard deviations of its vehicle, are
+        the centre of the prior. With a vehicle that rolls, these are found as well.
+    noise : "channels", "sensors" or None
+        White noise by channel, which also follows vibration, or one factor for each sensor; None:
+        noise as it is.
+    offsets : bool
+        Whether to find time offsets.
+    first : mapping of str to float or None
+        Values, as in `Tuning.values`, at which the search begins.
+    fixed : mapping of str to float or None
+        Values that are held.
+    prior_sd : float
+        Nepers.
+    longest : int
+        Steps of the search.
     progress : callable or None
         Called with a line of text now and then.
 
@@ -130,12 +146,13 @@ def tune(
             cure="give a noise model and time offsets",
         )
     slow = slower_imu(imu)
-    level = level_at(slow.time, imu, vibration_level(imu)) if tune_noise else None
-    thinned = [thin(gnss, interval) for interval in THINNING]
+    level = level_at(slow.time, imu, vibration_level(imu)) if noise == "channels" else None
+    rolling = start.vehicle is not None and start.vehicle.first_state >= 0
+    thinned = [thin(gnss, interval) for interval in (VEHICLE_THINNING if rolling else THINNING)]
     thinned = [g for g in thinned if g.size >= 10]
-    start = RunSetup(base, NoiseFactors.none(), offsets, alignment, lever_arm, condition=condition)
-    names = _free_parameters(gnss, tune_noise, tune_offsets)
-    prior, floor = np.array([_prior_and_floor(n) for n in names]).T
+    held = dict(fixed or {})
+    names = tuple(n for n in _free_parameters(start, gnss, noise, offsets) if n not in held)
+    prior, floor = np.array([_prior_and_floor(n, prior_sd) for n in names]).T
     calls = 0
 
     def evaluate(x: FloatArray) -> InnovationSequence:
@@ -143,32 +160,44 @@ def tune(
         calls += 1
         if progress is not None and calls % 10 == 0:
             progress(f"tuning: the drive filtered {calls} times")
-        setup = _setup_at(dict(zip(names, x, strict=True)), start, base)
+        setup = _sparser(_setup_at(held | dict(zip(names, x, strict=True)), start))
         return innovations(slow, thinned, setup, level)
 
-    x, best, gain, converged, information = _score(evaluate, prior, floor)
-    sd = np.sqrt(np.diag(np.linalg.pinv(information)))
+    begin = np.array([(first or {}).get(n, 0.0) for n in names])
+    found = _score(evaluate, np.maximum(begin, floor), prior, floor, longest)
     unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
+    values = dict(zip(names, found.x.tolist(), strict=True))
     return Tuning(
-        setup=_setup_at(dict(zip(names, x, strict=True)), start, base),
-        log_likelihood=best,
-        gain=gain,
+        setup=_setup_at(held | values, start),
+        values=held | values,
+        log_likelihood=found.log_likelihood,
+        gain=found.gain,
         evaluations=calls,
-        converged=converged,
-        standard_errors=dict(zip(names, (sd * unit).tolist(), strict=True)),
+        converged=found.converged,
+        standard_errors=dict(zip(names, (found.sd * unit).tolist(), strict=True)),
     )
 
 
-def _score(
-    evaluate: Callable[[FloatArray], InnovationSequence], prior: FloatArray, floor: FloatArray
-) -> tuple[FloatArray, float, float, bool, FloatArray]:
-    """Fisher scoring with a damped step, above a floor. Harvey, section 3.4.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Maximum:
+    """Parameters (p,), their standard errors (p,), and how the search went."""
 
-    Returns the parameters, the penalised log-likelihood, its gain, whether the search ended by
-    itself, and the information matrix.
-    """
+    x: FloatArray
+    sd: FloatArray
+    log_likelihood: float
+    gain: float
+    converged: bool
+
+
+def _score(
+    evaluate: Callable[[FloatArray], InnovationSequence],
+    x: FloatArray,
+    prior: FloatArray,
+    floor: FloatArray,
+    longest: int,
+) -> _Maximum:
+    """Fisher scoring with a damped step, above a floor. Harvey, section 3.4."""
     count = prior.size
-    x = np.zeros(count)
 
     def value(sequence: InnovationSequence, at: FloatArray) -> float:
         return sequence.log_likelihood - 0.5 * float(at @ (prior * at))
@@ -180,32 +209,55 @@ def _score(
             "the likelihood of the drive cannot be evaluated",
             cure="check units, axes and time of IMU and GNSS",
         )
-    damping = 0.0
-    information = np.diag(prior)
-    for _ in range(LONGEST_SEARCH):
-        gradient, information = _derivatives(evaluate, x, now, prior)
+    damping, converged = 0.0, False
+    slopes = _derivatives(evaluate, x, now, prior)
+    for _ in range(longest if count else 0):
         # what would leave through the floor stays out of this step
+        gradient, information = slopes.gradient, slopes.information
         free = (x > floor) | (gradient > 0.0)
-        while True:
+        step, trial, there = np.zeros(count), now, -np.inf
+        while damping < 1e6:
             damped = information + damping * np.diag(np.diag(information) + 1e-12)
             step = np.zeros(count)
             step[free] = np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
             step = np.maximum(np.clip(step, -2.0, 2.0), floor - x)
-            if 0.5 * float(gradient @ step) < TOLERANCE:
-                return x, best, best - first, True, information
+            converged = 0.5 * float(gradient @ step) < TOLERANCE
+            if converged:
+                break
             trial = evaluate(x + step)
             there = value(trial, x + step)
             if np.isfinite(there) and there > best:
                 break
             damping = max(4.0 * damping, 0.1)
-            if damping > 1e6:
-                return x, best, best - first, False, information
+        if converged or damping >= 1e6:
+            break
         damping = 0.0 if damping < 0.2 else 0.25 * damping
-        small = there - best < TOLERANCE
+        converged = there - best < TOLERANCE
         x, now, best = x + step, trial, there
-        if small:
-            return x, best, best - first, True, information
-    return x, best, best - first, False, information
+        if converged:
+            break
+        slopes = _derivatives(evaluate, x, now, prior)
+    return _Maximum(x, slopes.standard_errors, best, best - first, converged or count == 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Slopes:
+    """First derivatives of the penalised log-likelihood.
+
+    Gradient (p,), expected information (p, p), and the covariance (p, p) of the score over pieces
+    of the drive.
+    """
+
+    gradient: FloatArray
+    information: FloatArray
+    scatter: FloatArray
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Square roots of the diagonal of H^-1 J H^-1; never below those of H^-1."""
+        inverse = np.linalg.pinv(self.information)
+        sandwich = np.diag(inverse @ self.scatter @ inverse)
+        return np.asarray(np.sqrt(np.maximum(sandwich, np.diag(inverse))))
 
 
 def _derivatives(
@@ -213,13 +265,12 @@ def _derivatives(
     x: FloatArray,
     now: InnovationSequence,
     prior: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Gradient and expected information of the penalised log-likelihood."""
+) -> _Slopes:
+    """First derivatives of the innovations, and what follows from them."""
     count = x.size
     root = np.sqrt(now.variance)
     z = now.value / root
     weight = now.weight
-    gradient = -prior * x
     shift = np.empty((z.size, count))
     spread = np.empty((z.size, count))
     for k in range(count):
@@ -228,51 +279,107 @@ def _derivatives(
         there = evaluate(moved)
         shift[:, k] = (there.value - now.value) / root / DERIVATIVE_STEP
         spread[:, k] = np.log(there.variance / now.variance) / DERIVATIVE_STEP
-    gradient -= shift.T @ (weight * z) + 0.5 * spread.T @ (1.0 - weight * z**2)
+    score = -(shift * (weight * z)[:, None] + 0.5 * spread * (1.0 - weight * z**2)[:, None])
     information = shift.T @ shift + 0.5 * spread.T @ spread + np.diag(prior)
-    return gradient, information
+    piece = ((now.time - now.time.min()) / SCORE_BLOCK).astype(np.int64)
+    pieces = np.zeros((int(piece.max()) + 1, count))
+    np.add.at(pieces, piece, score)
+    pieces -= pieces.mean(axis=0)
+    # the parameters have been fitted to these scores
+    scatter = pieces.T @ pieces * (len(pieces) / max(len(pieces) - count, 1))
+    return _Slopes(score.sum(axis=0) - prior * x, information, scatter)
 
 
-def _free_parameters(gnss: GnssRecording, tune_noise: bool, tune_offsets: bool) -> tuple[str, ...]:
+def _free_parameters(
+    start: RunSetup,
+    gnss: GnssRecording,
+    noise: Literal["channels", "sensors"] | None,
+    offsets: bool,
+) -> tuple[str, ...]:
     names: list[str] = []
-    if tune_noise:
-        names += [f"white {c}" for c in range(6)]
-        names += ["drive accel", "drive gyro", "vibration accel", "vibration gyro"]
+    if noise is not None:
+        by_channel = noise == "channels"
+        names += [f"white {c}" for c in range(6)] if by_channel else ["white accel", "white gyro"]
+        for sensor, channels in (("accel", (0, 1, 2)), ("gyro", (3, 4, 5))):
+            if _driven(start.model, channels):
+                names.append(f"drive {sensor}")
+        names += ["vibration accel", "vibration gyro"] if by_channel else []
         names += ["sd position"]
         names += ["sd velocity"] if gnss.velocity is not None else []
-    if tune_offsets:
+        if start.vehicle is not None and start.vehicle.first_state >= 0:
+            names += ["sd lateral", "sd vertical"]
+    if offsets:
         names += ["offset position"]
         names += ["offset velocity"] if gnss.velocity is not None else []
     return tuple(names)
 
 
-def _prior_and_floor(name: str) -> tuple[float, float]:
+def _driven(model: SensorErrorModel, channels: tuple[int, ...]) -> bool:
+    """Whether any state of these channels has noise of its own."""
+    of_blocks = [c for b in model.blocks for c in model.channel[b.first : b.first + b.size]]
+    own = np.isin(model.channel, channels) & (model.diffusion[:, 0] > 0.0)
+    return bool(np.any(own) or np.any(np.isin(of_blocks, channels)))
+
+
+def _sparser(setup: RunSetup) -> RunSetup:
+    """Fewer constraints of a vehicle, each worth as many more: the same in a second."""
+    vehicle = setup.vehicle
+    if vehicle is None or vehicle.interval >= SPARSE_INTERVAL:
+        return setup
+    share = float(np.sqrt(vehicle.interval / SPARSE_INTERVAL))
+    return replace(
+        setup,
+        vehicle=replace(
+            vehicle,
+            lateral_sd=vehicle.lateral_sd * share,
+            vertical_sd=vehicle.vertical_sd * share,
+            interval=SPARSE_INTERVAL,
+        ),
+    )
+
+
+def _prior_and_floor(name: str, prior_sd: float) -> tuple[float, float]:
     """Inverse variance of the prior about zero, and the least value, of a parameter."""
     if "offset" in name:
         return 0.0, -np.inf
     if "vibration" in name:
         return 1.0, 0.0
     if name == "sd position":
-        return PRIOR_SD**-2, float(np.log(LEAST_POSITION_FACTOR))
-    return PRIOR_SD**-2, -8.0
+        return prior_sd**-2, float(np.log(LEAST_POSITION_FACTOR))
+    if name in ("sd lateral", "sd vertical"):
+        return VEHICLE_PRIOR_SD**-2, -3.0
+    return prior_sd**-2, -8.0
 
 
-def _setup_at(x: dict[str, float], start: RunSetup, base: SensorErrorModel) -> RunSetup:
+def _setup_at(x: Mapping[str, float], start: RunSetup) -> RunSetup:
+    def factor(name: str) -> float:
+        return float(np.exp(x.get(name, 0.0)))
+
+    sensors = np.repeat([factor("white accel"), factor("white gyro")], 3)
     factors = NoiseFactors(
-        white=np.exp([x.get(f"white {c}", 0.0) for c in range(6)]),
-        drive_accel=float(np.exp(x.get("drive accel", 0.0))),
-        drive_gyro=float(np.exp(x.get("drive gyro", 0.0))),
-        position_sd=float(np.exp(x.get("sd position", 0.0))),
-        velocity_sd=float(np.exp(x.get("sd velocity", 0.0))),
+        white=np.array([factor(f"white {c}") for c in range(6)]) * sensors,
+        drive_accel=factor("drive accel"),
+        drive_gyro=factor("drive gyro"),
+        position_sd=start.factors.position_sd * factor("sd position"),
+        velocity_sd=start.factors.velocity_sd * factor("sd velocity"),
     )
+    vehicle = start.vehicle
+    if vehicle is not None:
+        vehicle = replace(
+            vehicle,
+            lateral_sd=vehicle.lateral_sd * factor("sd lateral"),
+            vertical_sd=vehicle.vertical_sd * factor("sd vertical"),
+        )
     position = start.offsets.position + OFFSET_UNIT * x.get("offset position", 0.0)
     velocity = start.offsets.velocity + OFFSET_UNIT * x.get("offset velocity", 0.0)
     return replace(
         start,
-        model=factors.applied(base),
+        model=factors.applied(start.model),
         factors=factors,
         vibration=VibrationResponse(
-            float(x.get("vibration accel", 0.0)), float(x.get("vibration gyro", 0.0))
+            start.vibration.accel + x.get("vibration accel", 0.0),
+            start.vibration.gyro + x.get("vibration gyro", 0.0),
         ),
         offsets=TimeOffsets(float(position), float(velocity)),
+        vehicle=vehicle,
     )

@@ -16,6 +16,7 @@ _HOMES = {
     "schuler.identify.comparison.methods": "methods",
     "schuler.identify.comparison.replicates": "replicates",
     "schuler.denoise": "denoising",
+    "schuler.navigate.inflation": "tuning",
     "schuler.evaluate": "outages",
     "schuler.evaluate.mechanizations": "mechanizations",
     "schuler.navigate.observability_run": "observability",
