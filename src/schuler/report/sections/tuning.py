@@ -8,6 +8,7 @@ from schuler.navigate.inflation import NoiseInflation, NoiseTuning
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, line, marks
 from schuler.report.numbers import number
+from schuler.report.sections.recording import pretty
 from schuler.report.sections.registry import register
 from schuler.units import kind_of, scale
 
@@ -36,7 +37,7 @@ def inflation_rows(found: NoiseTuning) -> tuple[tuple[str, ...], list[tuple[str,
         rows.append(
             (
                 f"{i.sensor} {i.kind}",
-                unit,
+                pretty(unit),
                 _three(i.static / size),
                 f"×{number(i.factor)}",
                 f"{number(i.lower)} to {number(i.upper)}",
@@ -132,6 +133,7 @@ def _profile(i: NoiseInflation) -> Figure:
         f"Most likely ×{number(i.factor)}, 95 % interval {number(i.lower)} to {number(i.upper)}.",
         (
             line(factors, np.minimum(loss, 3.0 * top), "@model", "log-likelihood lost"),
+            marks(factors, np.minimum(loss, 3.0 * top), "@model", "tried", size=6),
             line([i.lower, i.upper], [0.0, 0.0], "@causal", "95 % interval", width=4),
             marks([i.factor], [0.0], "@causal", "most likely", size=9),
         ),
