@@ -49,8 +49,9 @@ SCORE_BLOCK = 20.0
 OFFSET_UNIT = 0.01
 # step of the numerical derivatives, in nepers and offset units
 DERIVATIVE_STEP = 1e-2
-# the search ends when a step promises less than this gain of log-likelihood
-TOLERANCE = 0.05
+# the search ends when a step promises less than this gain of log-likelihood: a parameter one
+# standard deviation off costs 0.5
+TOLERANCE = 0.2
 LONGEST_SEARCH = 30
 # least factor on a receiver's standard deviations of position: innovations cannot see errors that
 # change slowly, so a smaller one would claim what nobody knows
