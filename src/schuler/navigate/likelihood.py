@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,11 +86,11 @@ def thin(gnss: GnssRecording, interval: float) -> GnssRecording:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InnovationSequence:
-    """Scalar innovations (k,), their claimed variances (k,) and times (k,), over several runs."""
+    """Scalar innovations (k,), their claimed variances (k,) and, where needed, times (k,)."""
 
     value: FloatArray
     variance: FloatArray
-    time: FloatArray
+    time: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @property
     def log_likelihood(self) -> float:
