@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from schuler.studies.reproduction import named_parts, reproduce, select
+from schuler.studies.reproduction import reproduce
+from schuler.studies.selection import named_parts, select
 
 FIGURES = {
     "waegli2010": (*range(1, 15),),

@@ -9,13 +9,8 @@ import numpy as np
 import pytest
 
 from schuler.errors import InputError
-from schuler.studies.reproduction import (
-    code_version,
-    judge_kept,
-    named_parts,
-    reproduce,
-    select,
-)
+from schuler.studies.reproduction import code_version, judge_kept, reproduce
+from schuler.studies.selection import named_parts, select
 
 
 def test_items_are_found_as_people_write_them() -> None:

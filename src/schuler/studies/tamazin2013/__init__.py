@@ -4,7 +4,14 @@ Figures 3 and 4 are a filter A(z) and its lattice; both are run, and their outpu
 """
 
 from schuler.studies.experiment import Experiment, Item, Repetitions
-from schuler.studies.tamazin2013 import arithmetic, correlation, estimators, predictors, tables
+from schuler.studies.tamazin2013 import (
+    arithmetic,
+    claims,
+    correlation,
+    estimators,
+    predictors,
+    tables,
+)
 
 PAPER = predictors.PAPER
 
@@ -94,20 +101,20 @@ EXPERIMENTS = (
                 "E-003-1",
                 "The central claim",
                 "FOS on raw data is better than any method on de-noised data",
-                tables.central_claim,
+                claims.central_claim,
                 slips=("E-003-11",),
             ),
             Item(
                 "E-003-6",
                 "Yule-Walker has one error at all orders",
                 "5·10⁻⁹ at order 1 and at order 10",
-                tables.offset_left_in,
+                claims.offset_left_in,
             ),
             Item(
                 "E-003-12",
                 "Computing time",
                 "FOS is faster",
-                tables.time_column,
+                claims.time_column,
             ),
         ),
         repetitions=Repetitions(3, 20),
@@ -221,7 +228,7 @@ EXPERIMENTS = (
                 "Table 1 on ADIS16405",
                 "The same comparison on a real accelerometer",
                 "as in table 1",
-                tables.recording,
+                claims.recording,
                 slips=("E-003-1", "E-003-10"),
             ),
         ),

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import time
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +34,6 @@ TABLE_4_SIGMAS = np.array([0.0136, 0.0155, 0.0207, 0.0290])
 FACTORS = (0.0, 5.0, 10.0)
 SHOWN = 300
 """Samples that are drawn."""
-TOP_SIDE, BOTTOM_SIDE = np.eye(3), np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""Mountings of the chips on either side of the MIMU board."""
 HALF_WINDOWS = (5, 25, 125)
 WINDOWS = (5, 25, 50, 125)
 
@@ -352,78 +349,4 @@ def run_one_varies(seed: int, size: Size) -> Numbers:
         true=np.sqrt(true[thin]),
         garch=np.sqrt(garch[thin]),
         averaged=np.sqrt(averaged[thin]),
-    )
-
-
-def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
-    """Fuse two, four and eight gyros of the MIMU board at rest.
-
-    Parameters
-    ----------
-    seed : int
-        Which of the three runs, from 0.
-    size : {"quick", "full"}
-        The same.
-    folder : Path
-        Measured data.
-
-    Returns
-    -------
-    Numbers
-        Deviations of single gyros and of synthetic ones.
-    """
-    from schuler.fuse.reading import read_array
-
-    name = ("run1", "run4", "run7")[seed % 3]
-    array = read_array(
-        folder / "mimu8-array" / f"{name}.parquet",
-        mounting=Mounting(np.tile([TOP_SIDE, BOTTOM_SIDE], (4, 1, 1)), np.zeros((8, 3))),
-    )
-    quiet = array.between(*still_part(array))
-    body = quiet.in_body().gyro
-    body = body - body.mean(axis=0)
-    hats = [cornered_hat(body[:, :, j]) for j in range(3)]
-    own = body.std(axis=0)
-    how = OnlineSettings(keep_biases=True, learning=1.0)
-    fused = []
-    for count in (2, 4, 8):
-        found = synthesize(quiet.select(np.arange(count)), "equal", settings=how)
-        fused.append(found.sensor("gyro").vectors.std(axis=0))
-    variances = np.stack([h.variances for h in hats], axis=1)
-    # the hat speaks of axes of the body; on the bottom side x and y of a chip lie across
-    variances[1::2] = variances[1::2][:, [1, 0, 2]]
-    weighted = synthesize(quiet, covariance={"gyro": variances.ravel()}, settings=how)
-    return numbers(
-        own=own,
-        fused=fused,
-        weighted=weighted.sensor("gyro").vectors.std(axis=0),
-        hat=np.stack([h.deviations for h in hats], axis=1),
-        p_values=[h.p_value for h in hats],
-    )
-
-
-def still_part(array: ImuArray) -> tuple[float, float]:
-    """Return the longest part of an array recording at which nothing turned.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Any.
-
-    Returns
-    -------
-    (float, float)
-        First and last time, s.
-    """
-    gyro = array.gyro[:, 0]
-    step = max(round(0.5 * array.rate), 1)
-    blocks = gyro[: gyro.shape[0] // step * step].reshape(-1, step, 3)
-    quiet = blocks.std(axis=1).max(axis=1)
-    calm = quiet < 3.0 * np.quantile(quiet, 0.05)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], calm.astype(int), [0]])))
-    starts, stops = edges[::2], edges[1::2]
-    longest = int(np.argmax(stops - starts))
-    return (
-        float(array.time[starts[longest] * step]),
-        float(array.time[min(stops[longest] * step, array.size - 1)]),
     )
