@@ -28,7 +28,7 @@ class Repetitions:
     Parameters
     ----------
     quick, full : int
-        Number of seeds for each size.
+        Number of seeds for each size; no quick one for what takes long.
     """
 
     quick: int = 1

@@ -240,7 +240,9 @@ def reproduce(
     doable = []
     for experiment, items in chosen:
         missing = [r for r in experiment.recordings if folder is None or not (folder / r).is_dir()]
-        if missing:
+        if not experiment.repetitions.of(size):
+            left_out.append(f"{PAPERS[experiment.paper].label}, {experiment.title}: takes --full")
+        elif missing:
             left_out.append(
                 f"{PAPERS[experiment.paper].label}, {experiment.title}: needs the recordings "
                 f"{', '.join(missing)} (say where: --data, or SCHULER_DATA)"

@@ -7,6 +7,7 @@ mechanization, the closed loop and the wavelet filter bank of the library.
 from schuler.studies.experiment import Experiment, Item, Repetitions
 from schuler.studies.quinchia2013 import (
     arithmetic,
+    drive,
     judging,
     laws,
     matrices,
@@ -313,5 +314,21 @@ EXPERIMENTS = (
                 slips=("E-004-5", "E-004-18", "E-004-19"),
             ),
         ),
+    ),
+    Experiment(
+        PAPER,
+        "rtk-drive",
+        "Seven outages on a drive with RTK",
+        drive.run,
+        items=(
+            Item(
+                "Tables 9-10 on a drive with RTK",
+                "What models cannot give, and what else does",
+                "the error model decides how large errors in outages are",
+                drive.outages,
+            ),
+        ),
+        repetitions=Repetitions(0, 1),
+        recordings=("rtk-drive",),
     ),
 )
