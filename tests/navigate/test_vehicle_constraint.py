@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from twins import LEVER, navigation_errors
-from vehicle_twins import ARM, NOISE, Ride, draw_vehicle, ride
+from vehicle_twins import ARM, MOUNTING, NOISE, Ride, draw_vehicle, ride
 
 from schuler.data import GnssRecording
 from schuler.errors import SchulerError
@@ -196,7 +196,7 @@ def test_a_mounting_that_cannot_be_found_is_asked_for(car: Ride) -> None:
     assert "\n" not in str(error.value)
     # nothing of the kind is needed to stand still, nor where the mounting is given
     navigate(imu, gnss, NOISE, aiding=("zupt",), **known)  # type: ignore[arg-type]
-    found = navigate(imu, gnss, NOISE, aiding=("nhc",), mounting=np.eye(3), **known)  # type: ignore[arg-type]
+    found = navigate(imu, gnss, NOISE, aiding=("nhc",), mounting=MOUNTING, **known)  # type: ignore[arg-type]
     assert estimate_mounting(found.trajectory) is None
 
 

@@ -1,4 +1,4 @@
-"""What the batch filter reads off a recording, sample by sample: constraints and vibration.
+"""What the batch filter reads off a recording, sample by sample: constraints, vibration, gaps.
 
 The same moments and values as `VehicleConstraint.rows` and `vibration_level` give for the whole
 recording; the latter needs to be told what is typical, which only a recording knows.
@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.navigate.aiding import VEHICLE_VELOCITY, ZERO_RATE, ZERO_VELOCITY
+from schuler.navigate.unseen import (
+    SHORTEST_GAP,
+    SHORTEST_GAP_STEPS,
+    find_gaps,
+    interpolation_variance,
+)
 from schuler.navigate.vehicle import (
     REST_INTERVAL,
     REST_RATE_SD,
@@ -179,3 +185,39 @@ class VibrationStream:
         limit = math.log(LARGEST_RATIO)
         level = np.log(np.maximum(mean / self._typical, 1e-300)).clip(-limit, limit)
         return np.asarray(np.exp((level - self._centre) * self._exponent))
+
+
+class GapNoise:
+    """What may have happened while no samples came.
+
+    Parameters
+    ----------
+    white_density : (6,) ndarray
+        Of the channels, accelerometers first.
+    taught : ImuRecording
+        Says how much motion an interpolation of some length misses, see navigate/unseen.py.
+    """
+
+    __slots__ = ("_density", "_taught", "shortest", "step")
+
+    def __init__(self, white_density: FloatArray, taught: ImuRecording) -> None:
+        self._density = np.maximum(white_density, 1e-12)
+        self._taught = taught
+        self.step = 1.0 / taught.rate
+        self.shortest = max(SHORTEST_GAP, SHORTEST_GAP_STEPS * self.step)
+
+    def scale(self, seconds: float) -> FloatArray:
+        """Return the factors on the squared noise densities for a sample that bridges a gap.
+
+        Parameters
+        ----------
+        seconds : float
+            Length of the gap.
+
+        Returns
+        -------
+        (6,) ndarray
+            Accelerometers first.
+        """
+        missed = interpolation_variance(self._taught, seconds, find_gaps(self._taught))
+        return np.asarray(1.0 + missed / seconds / self._density**2)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
 from schuler.navigate.aiding import POSITION, VELOCITY, AidingSchedule
-from schuler.navigate.causal import ConstraintStream, VibrationStream
+from schuler.navigate.causal import ConstraintStream, GapNoise, VibrationStream
 from schuler.navigate.engine import NodeStretch, gate_thresholds
 from schuler.navigate.lagged import lag_horizons, smooth_nodes_with_lag
 from schuler.navigate.outputs import AidingOutputs, NodeOutputs, SampleOutputs
@@ -160,6 +160,9 @@ class NavigationFilter:
         Makes the constraints of a vehicle out of the samples.
     vibration : VibrationStream or None
         Makes the noise follow vibration.
+    gaps : GapNoise or None
+        Bridges gaps in the samples, with noise for what may have happened; None: the sample after
+        a gap is taken as the mean over it.
     node_interval : float
         As in `run_engine`.
 
@@ -182,6 +185,7 @@ class NavigationFilter:
         receiver: GnssReceiver | None = None,
         constraints: ConstraintStream | None = None,
         vibration: VibrationStream | None = None,
+        gaps: GapNoise | None = None,
         node_interval: float = 0.25,
     ) -> None:
         if not (rate > 0.0 and late >= 0.0 and (lag is None or lag > 0.0)):
@@ -200,7 +204,7 @@ class NavigationFilter:
         self.late, self.lag = late, lag
         self.late_fixes_refused = 0
         self._states = model.size
-        self._constraints, self._vibration = constraints, vibration
+        self._constraints, self._vibration, self._gaps = constraints, vibration, gaps
         self._receiver = receiver or GnssReceiver()
         self._lever = np.asarray(self._receiver.lever_arm, dtype=np.float64)
         self._offset = np.asarray(self._receiver.offset_states, dtype=np.int64)
@@ -260,7 +264,7 @@ class NavigationFilter:
             From `prepare`.
         imu : ImuRecording
             Its first sample is the one that the setup starts at, and has to be the first of the
-            stream; it also says how strong vibration typically is.
+            stream; it also says how strong vibration typically is, and how much motion a gap hides.
         gnss : GnssRecording
             An epoch near the start gives the position.
         false_alarm : float
@@ -304,6 +308,7 @@ class NavigationFilter:
             if setup.vehicle is None
             else ConstraintStream(setup.vehicle, setup.model.white_density[3:], imu.rate),
             vibration=VibrationStream(setup.vibration, imu) if setup.vibration.active else None,
+            gaps=GapNoise(setup.model.white_density, imu),
         )
 
     @property
@@ -347,15 +352,21 @@ class NavigationFilter:
                 f"a sample at {time:.6f} s after one at {self._last:.6f} s",
                 expected="time that increases",
             )
+        rate, force = np.asarray(gyro, dtype=np.float64), np.asarray(accel, dtype=np.float64)
+        if self._constraints is not None:
+            for when, kind, value, variance in self._constraints.rows(time, rate, force):
+                self._insert(when, kind, 2, value, variance, _NO_ARM, _NONE)
+        if self._gaps is not None and self._gaps.shortest < time - self._last < math.inf:
+            self._bridge(time, rate, force, self._gaps)
+        if white_scale is None and self._vibration is not None:
+            white_scale = self._vibration.scale(rate, force)
+        self._take(time, rate, force, white_scale)
+
+    def _take(
+        self, time: float, gyro: FloatArray, accel: FloatArray, white_scale: ArrayLike | None
+    ) -> None:
         samples = self._samples
         row = samples.add(time, gyro, accel)
-        if self._constraints is not None:
-            for when, kind, value, variance in self._constraints.rows(
-                time, samples.gyro[row], samples.accel[row]
-            ):
-                self._insert(when, kind, 2, value, variance, _NO_ARM, _NONE)
-        if white_scale is None and self._vibration is not None:
-            white_scale = self._vibration.scale(samples.gyro[row], samples.accel[row])
         if white_scale is not None:
             self._scaled = True
             samples.scale[row] = white_scale
@@ -366,6 +377,18 @@ class NavigationFilter:
         self._last = time
         if samples.count > 1:
             self._run()
+
+    def _bridge(self, time: float, gyro: FloatArray, accel: FloatArray, gaps: GapNoise) -> None:
+        """Put the mean of the samples around a gap into it, with the noise of what was missed."""
+        samples = self._samples
+        before = samples.count - samples.first - 1
+        seconds = time - gaps.step - self._last
+        self._take(
+            time - gaps.step,
+            0.5 * (samples.gyro[before] + gyro),
+            0.5 * (samples.accel[before] + accel),
+            gaps.scale(seconds),
+        )
 
     def add_gnss(
         self,
