@@ -33,7 +33,12 @@ if TYPE_CHECKING:
     from schuler.fuse.calibration.result import ArrayCalibration
     from schuler.fuse.clocks.jumps import SampleJump, find_jumps
     from schuler.fuse.clocks.synchronization import Synchronization, synchronize
+    from schuler.fuse.fault_settings import FaultSettings
+    from schuler.fuse.faults import FaultDetection, detect_faults
+    from schuler.fuse.geometry import Geometry
     from schuler.fuse.reading import read_array
+    from schuler.fuse.synthetic import SyntheticImu, synthesize
+    from schuler.fuse.volatility import averaged_volatility
     from schuler.identify import (
         Identification,
         ImuCharacterization,
@@ -146,6 +151,11 @@ _HOMES = {
     "schuler.fuse.clocks.jumps": ("SampleJump", "find_jumps"),
     "schuler.fuse.clocks.synchronization": ("Synchronization", "synchronize"),
     "schuler.fuse.reading": ("read_array",),
+    "schuler.fuse.fault_settings": ("FaultSettings",),
+    "schuler.fuse.faults": ("FaultDetection", "detect_faults"),
+    "schuler.fuse.geometry": ("Geometry",),
+    "schuler.fuse.synthetic": ("SyntheticImu", "synthesize"),
+    "schuler.fuse.volatility": ("averaged_volatility",),
     "schuler.navigate": ("navigate", "navigate_array"),
     "schuler.navigate.streaming": ("FilterState", "GnssReceiver", "NavigationFilter"),
     "schuler.navigate.inflation": ("NoiseInflation", "NoiseTuning", "tune_noise"),
@@ -173,10 +183,13 @@ __all__ = [
     "Denoised",
     "ErrorModel",
     "ErrorModelComparison",
+    "FaultDetection",
+    "FaultSettings",
     "FilterState",
     "FosFit",
     "GarchFit",
     "GaussMarkov",
+    "Geometry",
     "GnssReceiver",
     "GnssRecording",
     "Identification",
@@ -208,6 +221,7 @@ __all__ = [
     "Sinusoid",
     "SpectrumCurve",
     "Synchronization",
+    "SyntheticImu",
     "Trajectory",
     "TurnOnBias",
     "WaveletVarianceCurve",
@@ -215,12 +229,14 @@ __all__ = [
     "allan_deviation",
     "arch_lm_test",
     "autocorrelation",
+    "averaged_volatility",
     "calibrate_array",
     "characterize_imu",
     "compare_error_models",
     "compare_methods",
     "compare_methods_imu",
     "denoise",
+    "detect_faults",
     "error_models",
     "evaluate_outages",
     "fast_orthogonal_search",
@@ -251,6 +267,7 @@ __all__ = [
     "simulate_imu",
     "simulate_static",
     "synchronize",
+    "synthesize",
     "tune_noise",
     "wavelet_variance",
     "write_kalibr",

@@ -18,6 +18,7 @@ from schuler.cli.characterize import characterize
 from schuler.cli.console import say
 from schuler.cli.demo import demo
 from schuler.cli.export import export
+from schuler.cli.fuse import faults, fuse
 from schuler.cli.navigate import navigate
 from schuler.cli.outages import outages
 from schuler.cli.reproduce import reproduce
@@ -45,8 +46,8 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _command in (
-    demo, characterize, calibrate, navigate, observability, outages, tune, simulate, export,
-    reproduce, warm,
+    demo, characterize, calibrate, fuse, faults, navigate, observability, outages, tune,
+    simulate, export, reproduce, warm,
 ):  # fmt: skip
     app.command(_command)
 

@@ -82,6 +82,19 @@ def _mechanizations() -> None:
     compare_mechanizations(array, gnss, example_noise(), time_offset=0.0)
 
 
+def _synthetic() -> None:
+    import numpy as np
+
+    from schuler.data import ImuArray, Mounting
+    from schuler.fuse.fault_settings import FaultSettings
+    from schuler.fuse.synthetic import synthesize
+
+    rng = np.random.default_rng(3)
+    noise = 1e-3 * rng.standard_normal((2, 2000, 4, 3))
+    array = ImuArray(np.arange(2000) / 100.0, noise[0], noise[1], Mounting.aligned(4))
+    synthesize(array, faults=FaultSettings())
+
+
 REHEARSALS: tuple[Callable[[], None], ...] = (
     _characterize,
     _methods,
@@ -89,5 +102,6 @@ REHEARSALS: tuple[Callable[[], None], ...] = (
     _outages,
     _arrays,
     _mechanizations,
+    _synthetic,
 )
 """Each calls a part of the kernels."""

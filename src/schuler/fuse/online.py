@@ -49,7 +49,7 @@ class OnlineSettings:
         Variances are drawn together as far as chance explains their differences.
     """
 
-    time_constant: float = 1.0
+    time_constant: float = 2.0
     block: float = 0.1
     learning: float = 10.0
     bias_time_constant: float | None = 100.0

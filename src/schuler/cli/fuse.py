@@ -1,0 +1,316 @@
+"""`schuler fuse` and `schuler faults`: several IMUs made one, and watched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from schuler.cli.reading import ImuReading
+
+if TYPE_CHECKING:
+    from schuler.cli.console import Screen
+    from schuler.data import ImuArray
+    from schuler.fuse.faults import FaultDetection
+    from schuler.fuse.synthetic import SyntheticImu
+
+Files = Annotated[tuple[Path, ...], Parameter(name="FILES", negative=())]
+Clocks = Literal["auto", "shared", "own"]
+WeightName = Literal[
+    "auto", "equal", "inverse_variance", "averaged_volatility", "ewma", "garch", "wavelet"
+]
+
+
+def fuse(
+    files: Files,
+    /,
+    *,
+    weights: WeightName = "auto",
+    calibration: Path | None = None,
+    without_faults: bool = False,
+    time_constant: float = 2.0,
+    learning: float = 10.0,
+    clocks: Clocks = "auto",
+    out: Path | None = None,
+    noise_out: Path | None = None,
+    report: Path | None = None,
+    json: Path | None = None,
+    reading: Annotated[ImuReading | None, Parameter(name="*")] = None,
+) -> int:
+    """Make one better IMU out of several on one body.
+
+    Weighs every sensor by what redundancy shows of its noise, with the past alone, and says how
+    much better the result is.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        One file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
+    weights : str
+        How to weigh: auto follows the noise of every sensor (ewma); equal; inverse_variance;
+        averaged_volatility; garch; wavelet, for long outages, with the array at rest.
+    calibration : Path, optional
+        Calibration of the array as YAML, from `schuler calibrate`.
+    without_faults : bool
+        Look for faulty sensors too and do without them.
+    time_constant : float
+        Memory of the noise of each sensor, s.
+    learning : float
+        Seconds at the beginning from which start values are taken.
+    clocks : {"auto", "shared", "own"}
+        Whether the files share a clock; "own": offset and rate of each are found.
+    out : Path, optional
+        Write the synthetic IMU here, .parquet; the other verbs read it.
+    noise_out : Path, optional
+        Write its noise model as YAML here.
+    report : Path, optional
+        Write a self-contained HTML page here.
+    json : Path, optional
+        Write all results in SI here; - for standard output.
+    reading : ImuReading, optional
+        How to read the files.
+    """
+    from schuler.cli.console import Screen
+    from schuler.cli.loading import say_when_compiling
+    from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.cli.provenance import command_provenance
+    from schuler.scale.progress import progress
+
+    inputs = (*files, *((calibration,) if calibration else ()))
+    outputs = Outputs(out, noise_out, report, json, inputs=inputs)
+    array = load_array(files, calibration, clocks, reading)
+    say_when_compiling()
+    with progress("Fusing"):
+        from schuler.fuse.fault_settings import FaultSettings
+        from schuler.fuse.online import OnlineSettings
+        from schuler.fuse.synthetic import synthesize
+
+        how = OnlineSettings(time_constant=time_constant, learning=learning)
+        done = synthesize(
+            array,
+            weights,
+            settings=how,
+            faults=FaultSettings(online=how) if without_faults else None,
+        )
+    origin = command_provenance(
+        inputs=inputs, settings={"weights": done.weights, "time_constant_s": time_constant}
+    )
+    if report is not None:
+        from schuler.report import render_report
+
+        page = render_report(done, title=f"{array.count} IMUs made one", provenance=origin)
+        outputs.text(report, lambda: page)
+    outputs.file(out, done.imu.to_parquet)
+    outputs.text(noise_out, done.noise_model.to_yaml)
+    outputs.text(json, lambda: json_text(done.to_dict() | {"provenance": origin.to_dict()}))
+    written = outputs.commit()
+    show_synthetic(Screen(json_on_stdout=json == STDOUT), array, done, written)
+    return 0
+
+
+def faults(
+    files: Files,
+    /,
+    *,
+    calibration: Path | None = None,
+    false_alarm_rate: float = 0.001,
+    exclusions_per_hour: float = 1e-3,
+    scale_uncertainty: float = 0.0,
+    delay_uncertainty: float = 0.0,
+    learning: float = 10.0,
+    clocks: Clocks = "auto",
+    report: Path | None = None,
+    json: Path | None = None,
+    reading: Annotated[ImuReading | None, Parameter(name="*")] = None,
+) -> int:
+    """Look for faulty sensors among the IMUs on one body; exit code 1 when there are any.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        One file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
+    calibration : Path, optional
+        Calibration of the array as YAML, from `schuler calibrate`.
+    false_alarm_rate : float
+        Probability that a sample without fault counts as inconsistent.
+    exclusions_per_hour : float
+        Healthy sensors that may be taken out in an hour.
+    scale_uncertainty : float
+        What scale factors and misalignments leave, as a share of the motion (0.01: one percent).
+    delay_uncertainty : float
+        Timing between the sensors that is not known, s.
+    learning : float
+        Seconds at the beginning from which start values are taken.
+    clocks : {"auto", "shared", "own"}
+        Whether the files share a clock; "own": offset and rate of each are found.
+    report : Path, optional
+        Write a self-contained HTML page here.
+    json : Path, optional
+        Write all results in SI here; - for standard output.
+    reading : ImuReading, optional
+        How to read the files.
+    """
+    from schuler.cli.console import Screen
+    from schuler.cli.loading import say_when_compiling
+    from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.cli.provenance import command_provenance
+    from schuler.scale.progress import progress
+
+    inputs = (*files, *((calibration,) if calibration else ()))
+    outputs = Outputs(report, json, inputs=inputs)
+    array = load_array(files, calibration, clocks, reading)
+    say_when_compiling()
+    with progress("Looking for faults"):
+        from schuler.fuse.fault_settings import FaultSettings
+        from schuler.fuse.faults import detect_faults
+        from schuler.fuse.online import OnlineSettings
+
+        settings = FaultSettings(
+            false_alarm_rate=false_alarm_rate,
+            exclusions_per_hour=exclusions_per_hour,
+            scale_uncertainty=scale_uncertainty,
+            delay_uncertainty=delay_uncertainty,
+            online=OnlineSettings(learning=learning),
+        )
+        found = detect_faults(array, settings)
+    origin = command_provenance(
+        inputs=inputs,
+        settings={
+            "false_alarm_rate": false_alarm_rate,
+            "exclusions_per_hour": exclusions_per_hour,
+            "scale_uncertainty": scale_uncertainty,
+            "delay_uncertainty_s": delay_uncertainty,
+        },
+    )
+    if report is not None:
+        from schuler.report import render_report
+
+        page = render_report(found, title=f"Faults of {array.count} IMUs", provenance=origin)
+        outputs.text(report, lambda: page)
+    outputs.text(json, lambda: json_text(found.to_dict() | {"provenance": origin.to_dict()}))
+    written = outputs.commit()
+    show_faults(Screen(json_on_stdout=json == STDOUT), found, written)
+    return 0 if found.healthy else 1
+
+
+def load_array(
+    files: tuple[Path, ...], calibration: Path | None, clocks: Clocks, reading: ImuReading | None
+) -> ImuArray:
+    """Read an array, calibrated when a calibration is given.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        As the commands take them.
+    calibration : Path or None
+        YAML file.
+    clocks : str
+        As the commands take it.
+    reading : ImuReading or None
+        How to read the files.
+
+    Returns
+    -------
+    ImuArray
+        In the body when calibrated.
+    """
+    from schuler.errors import InputError
+    from schuler.fuse.calibration.result import ArrayCalibration
+    from schuler.fuse.reading import read_array
+    from schuler.scale.progress import progress
+
+    if not files:
+        raise InputError("no file of an array", expected="at least one")
+    how = (reading or ImuReading()).options()
+    with progress(f"Reading {', '.join(f.name for f in files)}"):
+        array = read_array(files if len(files) != 1 else files[0], clocks=clocks, **how)
+        if calibration is not None:
+            array = ArrayCalibration.load(calibration).apply(array)
+    return array
+
+
+def show_synthetic(
+    screen: Screen, array: ImuArray, done: SyntheticImu, written: tuple[Path, ...] = ()
+) -> None:
+    """Print how much better one is than several.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    array : ImuArray
+        What went in.
+    done : SyntheticImu
+        What came out.
+    written : tuple of Path
+        Files that were written.
+    """
+    from schuler.report.numbers import duration, number, percent
+    from schuler.units import scale
+
+    screen.heading(
+        f"{array.count} IMUs made one", f"{duration(array.duration)}, weights {done.weights}"
+    )
+    rows: list[tuple[str, ...]] = []
+    for fused in (done.gyro, done.accel):
+        if fused is None:
+            continue
+        gyros = fused.sensors.sensor == "gyro"
+        unit = scale("deg/s", "angular rate") if gyros else 1.0
+        share = fused.weight.mean(axis=0)
+        for u, name in enumerate(fused.sensors.unit_names):
+            mine = fused.sensors.unit == u
+            noise = " ".join(number(v / unit) for v in fused.mean_deviation[mine])
+            rows.append((fused.sensors.sensor, name, noise, percent(float(share[mine].sum()))))
+        mean = fused.mean_covariance.diagonal() ** 0.5
+        together = " ".join(number(float(v) / unit) for v in mean)
+        rows.append((fused.sensors.sensor, "together", together, percent(1.0)))
+        screen_line = f"{percent(fused.reduction)} less noise than the mean of the sensors"
+        rows.append(("", screen_line, "", ""))
+    screen.table(("sensor", "IMU", "noise x y z (deg/s, m/s²)", "weight"), rows, words=3)
+    if done.faults is not None:
+        for record in done.faults.records:
+            screen.finding("warning", record.text)
+    for path in written:
+        screen.line(f"wrote {path}")
+
+
+def show_faults(screen: Screen, found: FaultDetection, written: tuple[Path, ...] = ()) -> None:
+    """Print the log, and how often the sensors disagreed.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    found : FaultDetection
+        What was found.
+    written : tuple of Path
+        Files that were written.
+    """
+    from schuler.report.numbers import number, percent
+
+    screen.heading("Faults", f"{len(found.names)} IMUs")
+    for line in found.limits:
+        screen.finding("info", line)
+    if not found.records:
+        screen.finding("good", "no sensor was taken out")
+    for record in found.records:
+        screen.finding("info" if record.kind == "missing" else "warning", record.text)
+    rows: list[tuple[str, ...]] = []
+    for s in found.sensors:
+        rate: Any = s.settings.false_alarm_rate
+        used = min(s.used_share.values())
+        rows.append(
+            (
+                s.sensor,
+                f"{number(100.0 * s.exceedance())} % of {number(100.0 * rate)} %",
+                f"{percent(s.exceedance(0.05))} of 5 %",
+                str(sum(s.spikes.values())),
+                percent(used),
+            )
+        )
+    columns = ("sensor", "inconsistent", "inconsistent", "single spikes", "least used axis")
+    screen.table(columns, rows)
+    for path in written:
+        screen.line(f"wrote {path}")
