@@ -215,6 +215,20 @@ def test_one_axis_a_dead_sensor_a_copy_and_mirrored_axes() -> None:
     assert any("lacks 33 % of the rows" in f for f in half.findings)
     error = half.gyro_deviation - (truth.nominal @ truth.gyro - np.eye(3))
     assert np.abs(error / half.gyro_deviation_sd).max() < 5.0
+    stuck = np.array(array.gyro)
+    stuck[: array.size // 3, 1] = stuck[0, 1]
+    frozen = calibrate_array(replace(array, gyro=stuck), timing="none")
+    assert any("it was dead there" in f for f in frozen.findings)
+    np.testing.assert_allclose(frozen.gyro_deviation, half.gyro_deviation, atol=1e-12)
+    nothing = np.array(array.gyro)
+    nothing[:, 2] = np.nan
+    with pytest.raises(InputError, match="imu 3 has no gyros"):
+        calibrate_array(replace(array, gyro=nothing))
+    rates = calibrate_array(replace(array, accel=np.full(array.accel.shape, np.nan)))
+    assert any("lever arms were not sought" in f for f in rates.findings)
+    swapped = array.accel * np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+    with pytest.raises(InputError, match="accel_sensor of imu 2 is singular or left-handed"):
+        calibrate_array(replace(array, accel=swapped))
     copied = np.array(array.gyro)
     copied[:, 2] = copied[:, 0]
     with pytest.raises(InputError, match="imu 3 is a copy of imu 1"):

@@ -65,13 +65,11 @@ def calibrate(
         How to read the files.
     """
     from schuler.cli.console import Screen, say
-    from schuler.cli.loading import say_when_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.scale.progress import progress
 
     outputs = Outputs(out, report, json, inputs=(*files, *on))
-    say_when_compiling()
     how = (reading or ImuReading()).options()
     with progress(f"Reading {', '.join(f.name for f in files)}"):
         from schuler.fuse.reading import read_array

@@ -19,7 +19,14 @@ from schuler.fuse.calibration.judging import (
 )
 from schuler.fuse.calibration.poses import STANDARD_GRAVITY, PoseFit, fit_poses
 from schuler.fuse.calibration.result import ArrayCalibration
-from schuler.fuse.calibration.rows import MARGIN, Rests, find_rests, low_passed, mask_saturated
+from schuler.fuse.calibration.rows import (
+    MARGIN,
+    Rests,
+    find_rests,
+    low_passed,
+    mask_saturated,
+    mask_stuck,
+)
 from schuler.fuse.calibration.turns import fit_turns
 from schuler.fuse.clocks.delays import require_several, shift
 from schuler.fuse.clocks.polling import sharpened_slope
@@ -79,7 +86,9 @@ def calibrate_array(
         Left-handed axes, or a sensor that is a copy of another.
     """
     require_several(array)
+    _all_there(array)
     _no_copies(array)
+    array, stuck = mask_stuck(array)
     masked, saturated = mask_saturated(array, margin)
     rests = find_rests(masked)
     used = masked if bandwidth is None else low_passed(masked, bandwidth)
@@ -112,7 +121,7 @@ def calibrate_array(
         turns = fit_turns(used.time, motion.rate, rests, means)
     before = nominal_disagreement(calibration, used, rests)
     after = disagreement_after(calibration, used, gyros.track, rests, motion.slope)
-    found = findings_of(array, gyros, forces, poses, rests, turns, saturated)
+    found = findings_of(array, gyros, forces, poses, rests, turns, saturated, stuck)
     return replace(calibration, before=before, after=after, findings=found)
 
 
@@ -135,6 +144,16 @@ class _Motion:
             self.moved = gyros.track.relative_delay(used.time)
             residual = body - self.rate[:, None]
             self.acceleration = sharpened_slope(residual, self.moved, self.slope, gyros.noise)
+
+
+def _all_there(array: ImuArray) -> None:
+    for i, name in enumerate(array.names):
+        if np.isnan(array.gyro[:, i]).any(axis=1).all():
+            raise InputError(
+                f"{name} has no gyros, or never all three at once",
+                expected="three axes of angular rate in every IMU",
+                cure="leave it out of the array",
+            )
 
 
 def _no_copies(array: ImuArray) -> None:

@@ -27,6 +27,7 @@ def findings_of(
     rests: Rests,
     turns: TurnFit | None,
     saturated: NDArray[np.int64],
+    stuck: NDArray[np.int64],
 ) -> tuple[str, ...]:
     """Say what was seen, what was not, and what that means.
 
@@ -38,8 +39,8 @@ def findings_of(
         What was fitted.
     rests : Rests
         When the array stood still.
-    saturated : (k, 2) ndarray of int
-        Rows lost around saturated samples, by IMU; gyros and accelerometers.
+    saturated, stuck : (k, 2) ndarray of int
+        Rows lost around saturated samples and to stuck values, by IMU; gyros and accelerometers.
 
     Returns
     -------
@@ -79,6 +80,12 @@ def findings_of(
                 f"{array.names[i]} lacks {100.0 * missing:.0f} % of the rows; only rows in which "
                 "all IMUs are there were used"
             )
+    said += [
+        f"{name} shows one value again and again in {int(lost.max())} rows: it was dead there, and "
+        "they were not used"
+        for name, lost in zip(array.names, stuck, strict=True)
+        if lost.any()
+    ]
     worst = int(saturated[:, 0].max())
     if worst:
         said.append(

@@ -288,8 +288,7 @@ def nominal_disagreement(
         turned = np.einsum("kij,nkj->nki", calibration.nominal, sensors)
         apart = turned - turned.mean(axis=1, keepdims=True)
         rows: NDArray[np.bool_] = rests.rows if rests.count else np.ones(array.size, dtype=bool)
-        level = np.nan_to_num(np.nanmedian(apart[rows], axis=0)) if apart.size else 0.0
-        values.append(apart - level)
+        values.append(apart - level_of(apart[rows]))
     rate = np.einsum(
         "kij,nkj->nki", calibration.gyro_correction, array.gyro - calibration.gyro_bias
     ).mean(axis=1)
@@ -297,3 +296,22 @@ def nominal_disagreement(
     if not np.isnan(values[1]).all():
         found = (*found, *measure_disagreement(values[1], rate, rests, "accel"))
     return found
+
+
+def level_of(residual: FloatArray) -> FloatArray:
+    """Return the median of each sensor over the rows, (k, 3); zero where it has no values.
+
+    Parameters
+    ----------
+    residual : (n, k, 3) ndarray
+        NaN where missing.
+
+    Returns
+    -------
+    (k, 3) ndarray
+        Same unit.
+    """
+    level = np.zeros(residual.shape[1:])
+    known = np.isfinite(residual).any(axis=0)
+    level[known] = np.nanmedian(residual[:, known], axis=0)
+    return level

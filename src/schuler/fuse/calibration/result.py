@@ -117,6 +117,7 @@ class ArrayCalibration:
                     f"{name} of {self.names[int(np.argmin(determinant))]} is singular or "
                     "left-handed",
                     expected="matrices close to the nominal mounting",
+                    cure="check the signs and the order of its axes",
                 )
 
     @property

@@ -13,6 +13,7 @@ from schuler.fuse.calibration.disagreement import MOVING, Disagreement
 from schuler.fuse.calibration.judging import (
     calibrated_biases,
     disagreement_after,
+    level_of,
     mean_slope,
     nominal_disagreement,
     residuals_after,
@@ -218,7 +219,7 @@ def _views(
     for values in turned:
         apart = values - values.mean(axis=1, keepdims=True)
         rows = rests.rows if rests.count else np.ones(array.size, dtype=bool)
-        nominal.append(apart - np.nan_to_num(np.nanmedian(apart[rows], axis=0)))
+        nominal.append(apart - level_of(apart[rows]))
     plain = residuals_after(calibration, masked, None, slope)
     rate = plain[2]
     sets: list[tuple[str, FloatArray, FloatArray]] = [

@@ -19,6 +19,8 @@ MARGIN = 3
 """Samples on both sides of a saturated one that are not used either."""
 NEAR = 2e-3
 """Share of the range by which a value may stay below its end and still count as saturated."""
+STUCK = 0.5
+"""Seconds of one and the same value that no living sensor shows."""
 SETTLE = 0.5
 """Seconds at both ends of a rest that are not used."""
 SHORTEST = 1.0
@@ -90,6 +92,41 @@ def mask_saturated(array: ImuArray, margin: int = MARGIN) -> tuple[ImuArray, NDA
     line = f"{int(counts[:, 0].max())} rows around saturated samples taken out of some gyros"
     masked = replace(array, gyro=arrays[0], accel=arrays[1], history=(*array.history, line))
     return masked, counts
+
+
+def mask_stuck(array: ImuArray) -> tuple[ImuArray, NDArray[np.int64]]:
+    """Take out stretches in which a triad shows the same three values again and again.
+
+    Parameters
+    ----------
+    array : ImuArray
+        As recorded.
+
+    Returns
+    -------
+    masked : ImuArray
+        The gyros (or the accelerometers) of an IMU are missing where all of their axes repeat
+        exactly for half a second or more: no sensor is that quiet, but a dead one whose last
+        values are logged on is.
+    counts : (k, 2) ndarray of int
+        Rows lost by the gyros and the accelerometers of each IMU.
+    """
+    arrays = [np.array(array.gyro), np.array(array.accel)]
+    counts = np.zeros((array.count, 2), dtype=np.int64)
+    least = max(20, round(STUCK * array.rate))
+    for s, values in enumerate(arrays):
+        for i in range(array.count):
+            same = np.concatenate([[False], (values[1:, i] == values[:-1, i]).all(axis=1), [False]])
+            starts = np.flatnonzero(same[1:] & ~same[:-1])
+            stops = np.flatnonzero(~same[1:] & same[:-1]) + 1
+            for a, b in zip(starts, stops, strict=True):
+                if b - a >= least:
+                    counts[i, s] += b - a
+                    values[a:b, i] = np.nan
+    if not counts.any():
+        return array, counts
+    line = f"{int(counts.sum())} rows of stuck values taken out"
+    return replace(array, gyro=arrays[0], accel=arrays[1], history=(*array.history, line)), counts
 
 
 def find_rests(array: ImuArray) -> Rests:

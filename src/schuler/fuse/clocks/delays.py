@@ -145,10 +145,11 @@ def shift(time: FloatArray, rates: FloatArray, delay: FloatArray) -> FloatArray:
     (n, k, c) ndarray
         Values at time + delay, interpolated.
     """
-    moved = [
-        rates[:, i] if d == 0.0 else resample(time, rates[:, i], time + d).values
-        for i, d in enumerate(delay)
-    ]
+    moved = []
+    for i, d in enumerate(delay):
+        there = int(np.count_nonzero(np.isfinite(rates[:, i]).all(axis=1)))
+        as_is = d == 0.0 or there < 2  # a sensor without values stays without
+        moved.append(rates[:, i] if as_is else resample(time, rates[:, i], time + d).values)
     return np.stack(moved, axis=1)
 
 
