@@ -12,6 +12,7 @@ from schuler.errors import InputError
 from schuler.navigate.aiding import AidingSchedule
 from schuler.navigate.engine import FilterRun, gate_thresholds, run_engine
 from schuler.navigate.lagged import lag_horizons, smooth_run_with_lag
+from schuler.navigate.pieces import run_in_pieces
 from schuler.navigate.smoother import SmoothedRun, smooth_run
 
 LAG = 4.0
@@ -97,6 +98,32 @@ def test_checkpoints_and_lag_go_together() -> None:
     for field in FIELDS:
         np.testing.assert_array_equal(getattr(found.samples, field), getattr(wanted.samples, field))
     np.testing.assert_array_equal(found.sensor_state, wanted.sensor_state)
+
+
+def test_a_restart_ends_what_a_lag_may_see() -> None:
+    done, begin = run(), 45.0
+    k = int(np.searchsorted(IMU.time, begin - 1e-6))
+    start = SETUP.initial_state(IMU, GNSS)
+    again = replace(
+        start,
+        position=done.samples.position[k],
+        velocity=done.samples.velocity[k],
+        rotation=done.samples.rotation[k],
+    )
+    options = {"gate": gate_thresholds(0.0)}
+    pieces = run_in_pieces(IMU, start, [(begin, again)], SETUP.model, SCHEDULE, **options)
+    assert len(pieces.pieces) == 2
+    found = lagged(pieces).samples
+    first = replace(
+        IMU, time=IMU.time[:k], gyro=IMU.gyro[:k], accel=IMU.accel[:k], temperature=None
+    )
+    alone = run_engine(first, start, SETUP.model, until(float(first.time[-1])), **options)
+    wanted = smooth_run_with_lag(alone, SETUP.model, first.time, LAG).samples
+    assert len(found.position) == IMU.size
+    for field in FIELDS:
+        np.testing.assert_array_equal(getattr(found, field)[:k], getattr(wanted, field))
+    # the second piece is smoothed too, from where fixes come again
+    assert (np.abs(found.velocity - pieces.samples.velocity)[k + 800 : -300].max(axis=1) > 0).all()
 
 
 def test_a_lag_has_to_be_positive() -> None:

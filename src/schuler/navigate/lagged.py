@@ -17,6 +17,7 @@ from schuler.navigate.engine import FilterRun, NodeStretch
 from schuler.navigate.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.smoother import SmoothedRun, corrected_samples
+from schuler.navigate.stepping import sample_arrays
 
 FloatArray = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -172,7 +173,8 @@ def smooth_run_with_lag(
     Returns
     -------
     SmoothedRun
-        Same times as the run. No sample depends on a measurement later than `lag` after it.
+        Same times as the run. No sample depends on a measurement later than `lag` after it, nor
+        on one behind a restart of the filter.
 
     Raises
     ------
@@ -185,6 +187,8 @@ def smooth_run_with_lag(
         raise InputError(f"a lag of {lag} s", expected="a positive number of seconds")
     if not run.smoothable:
         raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
+    if run.pieces:
+        return _piece_by_piece(run, model, time, lag)
     node_time = run.nodes.time
     horizon = lag_horizons(node_time, lag)
     block = model.layout().block
@@ -206,6 +210,23 @@ def smooth_run_with_lag(
         samples=whole.corrected(run.samples, before, share),
         sensor_state=run.nodes.sensor_state + whole.error[:, 9:],
         sensor_sd=whole.sd[:, 9:],
+    )
+
+
+def _piece_by_piece(
+    run: FilterRun, model: SensorErrorModel, time: FloatArray, lag: float
+) -> SmoothedRun:
+    """Each piece of a run by itself: of navigation nothing comes across a restart."""
+    edges = np.cumsum([0, *(len(p.samples.position) for p in run.pieces)])
+    own = [
+        smooth_run_with_lag(piece, model, time[a:b], lag)
+        for piece, a, b in zip(run.pieces, edges[:-1], edges[1:], strict=True)
+    ]
+    samples = [sample_arrays(s.samples) for s in own]
+    return SmoothedRun(
+        samples=SampleOutputs(*(np.concatenate(field) for field in zip(*samples, strict=True))),
+        sensor_state=np.concatenate([s.sensor_state for s in own]),
+        sensor_sd=np.concatenate([s.sensor_sd for s in own]),
     )
 
 
