@@ -93,6 +93,11 @@ def compare(
     from schuler.navigate.model_sources import error_models
     from schuler.scale.progress import progress
 
+    if "measurements" in keywords:
+        raise InputError(
+            "--models with --update, --adaptive or --gnss-correlated",
+            expected="error models side by side with the gate and the receiver's own deviations",
+        )
     if keywords.pop("tune_noise", None):
         raise InputError(
             "--tune-noise with --models", expected="one of them: tuning would change every model"

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import radians
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from schuler.navigate.measurements import MeasurementOptions
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,13 @@ class RunOptions:
         What is known of the vehicle: nhc, it has wheels and rolls along its forward axis; zupt,
         it does not move while the IMU feels no motion; wheel (with nhc), the vibration of its
         wheels tells its speed in outages. May be repeated.
+    update : str
+        What becomes of GNSS that is far off: gate refuses it, huber and student-t give it little
+        weight.
+    adaptive : bool
+        The noise of GNSS follows the innovations.
+    gnss_correlated : str, optional
+        SIGMA:SECONDS of position errors that last, as multipath does: m, and correlation time.
     """
 
     lever_arm: str = "0,0,0"
@@ -39,6 +49,9 @@ class RunOptions:
     time_offset: str | None = None
     tune_noise: Annotated[bool | None, Parameter(negative="--no-tune-noise")] = None
     aid: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    update: Literal["gate", "huber", "student-t"] = "gate"
+    adaptive: bool = False
+    gnss_correlated: str | None = None
 
     def keywords(self) -> dict[str, Any]:
         """Return them as `schuler.navigate.prepare` and `evaluate_outages` want them.
@@ -64,6 +77,8 @@ class RunOptions:
             "tune_noise": self.tune_noise,
             "aiding": check_constraints(self.aid),
         }
+        if (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None):
+            known["measurements"] = self._measurements()
         if self.mounting is not None:
             from schuler.rotations import dcm_from_euler
 
@@ -76,3 +91,16 @@ class RunOptions:
             numbers = parse_numbers(self.time_offset, 2 if both else 1, text)
             known["time_offset"] = tuple(numbers) if both else numbers[0]
         return known
+
+    def _measurements(self) -> MeasurementOptions:
+        from schuler.cli.loading import parse_numbers
+        from schuler.navigate.attitude_sources import CorrelatedGnss
+        from schuler.navigate.measurements import MeasurementOptions
+        from schuler.navigate.weighting import GnssWeighting
+
+        correlated = None
+        if self.gnss_correlated is not None:
+            text = "--gnss-correlated SIGMA:SECONDS, both above zero, such as 1.5:60"
+            sigma, seconds = parse_numbers(self.gnss_correlated, 2, text, ":")
+            correlated = CorrelatedGnss(sigma, seconds)
+        return MeasurementOptions(GnssWeighting(self.update, self.adaptive), correlated)

@@ -19,6 +19,7 @@ from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.evaluate.floor import white_noise_floor
 from schuler.navigate import prepare, run, withhold
+from schuler.navigate.measurements import PLAIN, MeasurementOptions
 from schuler.navigate.running import FALSE_ALARM, NavigationRun
 from schuler.processes.noise_model import NoiseModel
 
@@ -435,6 +436,7 @@ def evaluate_outages(
     time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
     tune_noise: bool | None = None,
     aiding: Sequence[str] = (),
+    measurements: MeasurementOptions = PLAIN,
     false_alarm: float = FALSE_ALARM,
     lag: float | None = None,
     progress: Callable[[str], None] | None = None,
@@ -452,7 +454,8 @@ def evaluate_outages(
         Seconds after the first GNSS epoch.
     sweep : (seconds, every) or None
         Windows of `seconds` that start every `every` seconds, instead of `windows`.
-    lever_arm, heading, mounting, time_offset, tune_noise, aiding, false_alarm, progress
+    lever_arm, heading, mounting, time_offset, tune_noise, aiding, measurements,
+    false_alarm, progress
         As for `navigate`.
     lag : float or None
         Judge fixed-lag smoothing by so many seconds as well.
@@ -493,6 +496,7 @@ def evaluate_outages(
             time_offset=time_offset,
             tune_noise=tune_noise,
             aiding=aiding,
+            measurements=measurements,
             progress=say,
         )
         if say is not None:

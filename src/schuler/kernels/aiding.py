@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.kernels.attitude_aiding import heading_model, magnetic_model
 from schuler.kernels.compile import kernel
 from schuler.kernels.transition import correct_sample
 from schuler.kernels.update import add_offset_states, linear_model, measurement_model
@@ -126,6 +127,25 @@ def aiding_model(
                 for c in range(3):
                     body_rate[i] -= rotation[c, i] * earth[3 + c]
         standstill_model(kind, velocity, rotation, body_rate, channel, direction, residual, design)
-    else:
+    elif kind == 5:
         linear_model(value, matrix, sensor_state, residual, design)
+    elif kind == 6:
+        heading_model(value, lever, rotation, residual, design)
+    elif kind == 7:
+        magnetic_model(value, lever, rotation, residual, design)
+    else:
+        # of the position only the height is used
+        measurement_model(
+            0,
+            value,
+            lever,
+            position,
+            velocity,
+            rotation,
+            body_rate,
+            channel,
+            direction,
+            residual,
+            design,
+        )
     add_offset_states(offset, sensor_state, residual, design)

@@ -17,6 +17,7 @@ from schuler.kernels.compile import kernel
 from schuler.kernels.covariance import propagate_covariance
 from schuler.kernels.geodesy import radii_of_curvature
 from schuler.kernels.memory import carve_navigation, carve_sensors, carve_total
+from schuler.kernels.robust import adapt_noise, robust_weight, scale_noise
 from schuler.kernels.strapdown import coning_and_sculling, remember_sample, strapdown_step
 from schuler.kernels.transition import (
     accumulate_transition,
@@ -62,6 +63,7 @@ def run_filter(
     aid_matrix: Integers,
     matrices: Array,
     gate: Array,
+    robustness: Array,
     patience: int,
     longest_step: float,
     vehicle: int,
@@ -115,7 +117,8 @@ def run_filter(
     squared accepted for 0 to 3 degrees of freedom; after `patience` refusals in a row of one kind
     the next one is let in, as measurements that keep agreeing with each other are right and the
     filter is wrong: its own variance is first raised by the square of the residual. Constraints
-    of the vehicle and linear measurements (kinds above 1) are never forced in.
+    of the vehicle and linear measurements (kinds above 1) are never forced in. robustness (9,):
+    how GNSS is weighted and its noise adapted, see kernels/robust.py.
 
     vehicle: place of the vehicle's states among the sensor states (-1: none), mounting (3, 3) the
     nominal one, see kernels/vehicle.py; rolling and standing: see `constraint_applies`. A zero
@@ -159,6 +162,7 @@ def run_filter(
     refused, steps = counters[4:20], counters[20:]
     done, nodes, moved = counters[1], counters[2] - 1, counters[3] > 0
     discretised, likelihood, last, step_before = habits[8], habits[9], habits[10], habits[11]
+    adapted = memory[76:80]
 
     # 264 places a row: see navigation_rows
     a, b = 0, max(9, widest) * 264
@@ -348,6 +352,8 @@ def run_filter(
                     design,
                     noise_variance,
                 )
+                if kind < 2:
+                    scale_noise(kind, robustness, adapted, noise_variance)
                 nis, log_determinant, degrees = innovation_statistics(
                     residual, design, noise_variance, covariance, deviation
                 )
@@ -366,6 +372,12 @@ def run_filter(
                         if math.isfinite(aid_variance[u, i]):
                             covariance[3 * kind + i, 3 * kind + i] += residual[i] * residual[i]
                 refused[kind] = 0 if accepted else refused[kind] + 1
+                if kind < 2 and degrees > 0 and robustness[0] > 0.0:
+                    # nothing is refused: what is far off counts for little
+                    accepted = True
+                    weight = robust_weight(nis, degrees, robustness)
+                    for i in range(3):
+                        noise_variance[i] /= weight
                 aid_accepted[u] = accepted
                 for i in range(3):
                     used = math.isfinite(aid_variance[u, i])
@@ -390,6 +402,19 @@ def run_filter(
                         if keep_nodes:
                             aid_row[done % aid_kept, i] = design[i]
                             aid_gain[done % aid_kept, i] = gain
+                    if kind < 2:
+                        adapt_noise(
+                            kind,
+                            robustness,
+                            nis,
+                            degrees,
+                            aid_variance[u],
+                            residual,
+                            design,
+                            error,
+                            covariance,
+                            adapted,
+                        )
                     feed_back(error, position, velocity, quaternion, rotation, sensor_state)
                     if keep_nodes:
                         node_error[nodes % node_kept] += error
@@ -405,6 +430,20 @@ def run_filter(
                     )
                     if smooth:
                         coning_and_sculling(angle, velocity_increment, past, step, coning, sculling)
+                elif kind < 2 and degrees > 0:
+                    error[:] = 0.0
+                    adapt_noise(
+                        kind,
+                        robustness,
+                        nis,
+                        degrees,
+                        aid_variance[u],
+                        residual,
+                        design,
+                        error,
+                        covariance,
+                        adapted,
+                    )
                 done += 1
                 if keep_nodes:
                     node_aid[nodes % node_kept, 1] = done

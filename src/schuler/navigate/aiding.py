@@ -24,6 +24,9 @@ VEHICLE_VELOCITY = 2
 ZERO_VELOCITY = 3
 ZERO_RATE = 4
 LINEAR = 5
+HEADING = 6
+MAGNETIC_FIELD = 7
+BAROMETER = 8
 KIND_NAMES = (
     "GNSS position",
     "GNSS velocity",
@@ -31,6 +34,9 @@ KIND_NAMES = (
     "zero velocity",
     "zero rate",
     "linear function of sensor states",
+    "heading",
+    "magnetic field",
+    "height by barometer",
 )
 # a velocity in vehicle axes that was measured forward, not supposed across
 WHEEL_SPEED_NAME = "speed from wheel vibration"

@@ -265,6 +265,7 @@ def run_engine(
     schedule: AidingSchedule,
     *,
     gate: FloatArray,
+    robustness: FloatArray | None = None,
     white_scale: FloatArray | None = None,
     vehicle: VehicleStates = NO_VEHICLE,
     keep_samples: bool = True,
@@ -286,6 +287,8 @@ def run_engine(
         Sorted measurements inside the time of the IMU.
     gate : (4,) ndarray
         See `gate_thresholds`.
+    robustness : (9,) ndarray or None
+        See `GnssWeighting`; None: a gate, and the noise that the receiver claims.
     white_scale : (n, 6) ndarray or None
         Multiplies the squared white-noise densities sample by sample (accelerometers first).
     vehicle : VehicleStates
@@ -312,6 +315,7 @@ def run_engine(
         initial,
         model,
         gate=gate,
+        robustness=robustness,
         vehicle=vehicle,
         node_interval=node_interval,
         accumulating=keep_nodes,

@@ -12,6 +12,7 @@ from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
 from schuler.navigate.engine import SMOOTHER_MEMORY
 from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO, generic_noise_model
+from schuler.navigate.measurements import PLAIN, MeasurementOptions
 from schuler.navigate.preparation import Progress, prepare
 from schuler.navigate.running import FALSE_ALARM, run
 from schuler.processes.noise_model import NoiseModel
@@ -70,6 +71,7 @@ def navigate(
     smoother_memory: float = SMOOTHER_MEMORY,
     turn_on_accel: float = TURN_ON_ACCEL,
     turn_on_gyro: float = TURN_ON_GYRO,
+    measurements: MeasurementOptions = PLAIN,
     progress: Progress | None = None,
 ) -> NavigationSolution:
     """Estimate the trajectory of an IMU with loosely coupled GNSS. Spec 7.1 to 7.3, 7.8.
@@ -114,6 +116,9 @@ def navigate(
         part, to the same numbers.
     turn_on_accel, turn_on_gyro : float
         Standard deviations of the constants at switch-on, m/s² and rad/s.
+    measurements : MeasurementOptions
+        How GNSS is weighted (gate, Huber, Student-t, adaptive noise), its slow errors, and other
+        sensors: heading, barometer, magnetometer.
     progress : callable or None
         Called with a line of text now and then.
 
@@ -144,6 +149,7 @@ def navigate(
         aiding=aiding,
         turn_on_accel=turn_on_accel,
         turn_on_gyro=turn_on_gyro,
+        measurements=measurements,
         progress=progress,
     )
     if progress is not None:

@@ -22,6 +22,7 @@ from schuler.navigate.engine import InitialState
 from schuler.navigate.error_model import sensor_error_model
 from schuler.navigate.generic import TURN_ON_ACCEL, TURN_ON_GYRO, generic_noise_model
 from schuler.navigate.likelihood import slower_imu
+from schuler.navigate.measurements import PLAIN, MeasurementOptions
 from schuler.navigate.mounting import estimate_mounting
 from schuler.navigate.rest import find_initial_rest
 from schuler.navigate.running import run
@@ -52,6 +53,7 @@ def prepare(
     aiding: Sequence[str] = (),
     turn_on_accel: float = TURN_ON_ACCEL,
     turn_on_gyro: float = TURN_ON_GYRO,
+    measurements: MeasurementOptions = PLAIN,
     progress: Progress | None = None,
 ) -> tuple[ImuRecording, RunSetup]:
     """Align, find time offsets, noise and mounting. Parameters as for `navigate`.
@@ -82,6 +84,7 @@ def prepare(
         turn_on_gyro=turn_on_gyro,
         interval=float(np.median(np.diff(imu.time))),
     )
+    base, placed = measurements.placed(base)
     estimate = time_offset == "estimate"
     offsets = _given_offsets(time_offset, gnss)
     say("aligning")
@@ -102,7 +105,9 @@ def prepare(
         )
 
     imu, start, coping = aligned(offsets.velocity)
-    setup = RunSetup(base, NoiseFactors.none(), offsets, start, arm, condition=coping)
+    setup = RunSetup(
+        base, NoiseFactors.none(), offsets, start, arm, condition=coping, measurements=placed
+    )
     if not estimate:
         coping = _require_fit(imu, gnss, setup, align_one)
         setup = replace(setup, condition=coping)

@@ -138,6 +138,7 @@ def run(
         setup.model,
         schedule,
         gate=gate,
+        robustness=setup.measurements.weighting.array(),
         white_scale=scale,
         vehicle=vehicle,
         keep_nodes=smooth or lag is not None,

@@ -21,6 +21,7 @@ from schuler.navigate.aiding import (
 )
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.condition import SOUND, DriveCondition
+from schuler.navigate.measurements import PLAIN, MeasurementOptions
 from schuler.navigate.sensor_states import FILTER_CHANNELS, SensorErrorModel
 from schuler.navigate.stepping import InitialState
 from schuler.navigate.vehicle import VehicleConstraint
@@ -129,6 +130,8 @@ class RunSetup:
         Measurements besides GNSS and vehicle: parity, for instance.
     condition : DriveCondition
         What the drive suffers from, and how the filter copes.
+    measurements : MeasurementOptions
+        How GNSS is weighted, and other sensors; their states are among the model's.
     """
 
     model: SensorErrorModel
@@ -141,6 +144,7 @@ class RunSetup:
     sensor_start: SensorStart | None = None
     sources: tuple[Aiding, ...] = ()
     condition: DriveCondition = SOUND
+    measurements: MeasurementOptions = PLAIN
 
     def white_scale(self, imu: ImuRecording) -> FloatArray | None:
         """Return what multiplies the squared white-noise densities sample by sample.
@@ -180,7 +184,9 @@ class RunSetup:
             GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
             GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
         )
-        rows = [s.rows() for s in (*sources, *self.sources)]
+        rows = [s.rows() for s in (*sources, *self.sources, *self.measurements.sources)]
+        if self.measurements.correlated is not None:
+            rows[0] = self.measurements.correlated.applied(rows[0])
         if self.vehicle is not None:
             rows += self.vehicle.rows(imu, self.model.white_density[3:])
         merged = merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
@@ -281,6 +287,8 @@ class RunSetup:
             "time_offset_velocity_s": self.offsets.velocity,
             "lever_arm_m": self.lever_arm.tolist(),
             "alignment": start.method,
+            "gnss_update": self.measurements.weighting.update,
+            "gnss_noise_adapts": self.measurements.weighting.adaptive,
             "initial_heading_sd_deg": float(np.degrees(start.heading_sd)),
             "gnss_position_sd_factor": self.factors.position_sd,
             "gnss_velocity_sd_factor": self.factors.velocity_sd,

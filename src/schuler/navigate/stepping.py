@@ -86,6 +86,8 @@ class FilterStepper:
         Sensor error states and white noise.
     gate : (4,) ndarray
         See `gate_thresholds`.
+    robustness : (9,) ndarray or None
+        See `GnssWeighting`; None: a gate, and the noise that the receiver claims.
     vehicle : VehicleStates
         Of a wheeled vehicle.
     node_interval : float
@@ -112,6 +114,7 @@ class FilterStepper:
         model: SensorErrorModel,
         *,
         gate: FloatArray,
+        robustness: FloatArray | None = None,
         vehicle: VehicleStates = NO_VEHICLE,
         node_interval: float = 0.25,
         accumulating: bool = False,
@@ -154,6 +157,7 @@ class FilterStepper:
         )
         self._after: tuple[Any, ...] = (
             np.ascontiguousarray(gate),
+            np.zeros(9) if robustness is None else np.ascontiguousarray(robustness),
             PATIENCE,
             LONGEST_STEP,
             vehicle.first,

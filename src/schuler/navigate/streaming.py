@@ -165,6 +165,8 @@ class NavigationFilter:
         a gap is taken as the mean over it.
     node_interval : float
         As in `run_engine`.
+    robustness : (9,) ndarray or None
+        As in `run_engine`.
 
     Notes
     -----
@@ -187,6 +189,7 @@ class NavigationFilter:
         vibration: VibrationStream | None = None,
         gaps: GapNoise | None = None,
         node_interval: float = 0.25,
+        robustness: FloatArray | None = None,
     ) -> None:
         if not (rate > 0.0 and late >= 0.0 and (lag is None or lag > 0.0)):
             raise InputError(
@@ -197,6 +200,7 @@ class NavigationFilter:
             initial,
             model,
             gate=gate,
+            robustness=robustness,
             vehicle=vehicle,
             node_interval=node_interval,
             accumulating=lag is not None,
@@ -282,7 +286,9 @@ class NavigationFilter:
         InputError
             The setup has measurements that a stream does not make by itself.
         """
-        if setup.sources or (setup.vehicle is not None and "wheel" in setup.vehicle.constraints):
+        more = setup.measurements
+        other = setup.sources or more.sources or more.correlated is not None
+        if other or (setup.vehicle is not None and "wheel" in setup.vehicle.constraints):
             raise InputError(
                 "a setup with speed from wheel vibration or measurements of other sources",
                 expected="GNSS, nhc and zupt in a stream",
@@ -299,6 +305,7 @@ class NavigationFilter:
             setup.initial_state(imu, gnss),
             setup.model,
             gate=gate_thresholds(false_alarm),
+            robustness=more.weighting.array(),
             rate=imu.rate,
             late=late,
             lag=lag,
