@@ -29,15 +29,12 @@ from schuler.navigate.running import run
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigate.timing import find_time_offset, velocity_lag
-from schuler.navigate.tuning import LONGEST_SEARCH, tune
+from schuler.navigate.tuning import tune
 from schuler.navigate.vehicle import VehicleConstraint, check_constraints, with_vehicle_states
 from schuler.processes.noise_model import NoiseModel
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
-
-# steps of the first search where a second one with the vehicle follows
-STEPS_BEFORE_VEHICLE = 5
 
 
 def prepare(
@@ -124,30 +121,20 @@ def prepare(
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
     setup = replace(setup, condition=coping)
     noise: Literal["channels"] | None = "channels" if tuned else None
-    rolling = tuned and "nhc" in constraints
-    found = tune(
-        imu,
-        gnss,
-        setup,
-        noise=noise,
-        offsets=estimate,
-        longest=STEPS_BEFORE_VEHICLE if rolling else LONGEST_SEARCH,
-        progress=progress,
-    )
+    found = tune(imu, gnss, setup, noise=noise, offsets=estimate, progress=progress)
     aided = _aided(imu, gnss, found.setup, constraints, mounting, say)
-    if not rolling:
+    if not tuned or "nhc" not in constraints:
         return imu, aided
-    # once more with the vehicle: what it takes off the noise of the sensors, and how well it keeps
-    # to its forward axis
-    say("tuning with the vehicle")
+    # how well the vehicle keeps to its forward axis, with the noise of the sensors as it is now
+    say("tuning the constraints of the vehicle")
     once_more = replace(
         setup,
         model=with_vehicle_states(base, constraints),
         offsets=found.setup.offsets,
         vehicle=aided.vehicle,
     )
-    first = {name: v for name, v in found.values.items() if "offset" not in name}
-    both = tune(imu, gnss, once_more, noise=noise, offsets=estimate, first=first, progress=progress)
+    known = {name: v for name, v in found.values.items() if "offset" not in name}
+    both = tune(imu, gnss, once_more, noise=noise, offsets=False, fixed=known, progress=progress)
     return imu, both.setup
 
 
