@@ -17,7 +17,13 @@ from schuler.fuse.least_squares import fuse_constant
 from schuler.fuse.lever_arms import turning_tensor
 from schuler.fuse.merit import figures_of_merit
 from schuler.fuse.online import Followed, follow_sensors
-from schuler.fuse.redundant import TITLES, RedundantSensors, Sensor, redundant_sensors
+from schuler.fuse.redundant import (
+    TITLES,
+    RedundantSensors,
+    Sensor,
+    kinds_recorded,
+    redundant_sensors,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -191,7 +197,7 @@ def detect_faults(
         No beginning from which noise can be taken.
     """
     how = FaultSettings() if settings is None else settings
-    kinds = _kinds(array)
+    kinds = kinds_recorded(array)
     found: dict[str, SensorFaults] = {}
     rate: FloatArray | None = None
     limits: list[str] = []
@@ -213,16 +219,6 @@ def detect_faults(
         found[kind] = SensorFaults(followed, fault_records(followed, how.time_constants), how)
         limits += _limits(sensors)
     return FaultDetection(found.get("gyro"), found.get("accel"), array.names, tuple(limits))
-
-
-def _kinds(array: ImuArray) -> tuple[Sensor, ...]:
-    """The kinds of sensor that were recorded at all."""
-    kinds: list[Sensor] = []
-    if np.isfinite(array.gyro).any():
-        kinds.append("gyro")
-    if np.isfinite(array.accel).any():
-        kinds.append("accel")
-    return tuple(kinds)
 
 
 def motion_extra(sensors: RedundantSensors, settings: FaultSettings) -> FloatArray | None:

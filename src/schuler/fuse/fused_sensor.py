@@ -86,6 +86,8 @@ class FusedSensor:
     @property
     def mean_covariance(self) -> FloatArray:
         """Mean over the samples, (3, 3)."""
+        if self.covariance.shape[0] == 1:
+            return np.asarray(self.covariance[0])
         number = np.bincount(self.which, minlength=self.covariance.shape[0])
         good = np.isfinite(self.covariance[:, 0, 0]) & (number > 0)
         mean = np.einsum("p,pij->ij", number[good], self.covariance[good]) / number[good].sum()

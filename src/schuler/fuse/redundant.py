@@ -75,6 +75,31 @@ class RedundantSensors:
         return float(np.linalg.norm(self.arms, axis=1).max())
 
 
+def kinds_recorded(array: ImuArray) -> tuple[Sensor, ...]:
+    """Return the kinds of sensor that an array recorded at all.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Any.
+
+    Returns
+    -------
+    tuple of {"gyro", "accel"}
+        In this order.
+    """
+
+    def there(values: FloatArray) -> bool:
+        return bool(np.isfinite(values[0]).any() or np.isfinite(values).any())
+
+    kinds: list[Sensor] = []
+    if there(array.gyro):
+        kinds.append("gyro")
+    if there(array.accel):
+        kinds.append("accel")
+    return tuple(kinds)
+
+
 def redundant_sensors(array: ImuArray, sensor: Sensor) -> RedundantSensors:
     """Return one kind of sensor of an array.
 
@@ -104,7 +129,11 @@ def redundant_sensors(array: ImuArray, sensor: Sensor) -> RedundantSensors:
         )
     values = array.gyro if sensor == "gyro" else array.accel
     columns = values.reshape(array.size, -1)
-    recorded = np.flatnonzero(~np.isnan(columns).all(axis=0))
+    # most axes have a value in the first row: only the others need a look at all of them
+    there = np.isfinite(columns[0])
+    for m in np.flatnonzero(~there):
+        there[m] = np.isfinite(columns[:, m]).any()
+    recorded = np.flatnonzero(there)
     if recorded.size < columns.shape[1]:
         columns = np.ascontiguousarray(columns[:, recorded])
     axes = np.ascontiguousarray(np.swapaxes(array.mounting.rotation, 1, 2).reshape(-1, 3)[recorded])

@@ -18,7 +18,12 @@ from schuler.fuse.fused_noise import combine_noise_models, white_noise_model
 from schuler.fuse.fused_sensor import FusedSensor, fuse_followed, fuse_weighted
 from schuler.fuse.lever_arms import turning_tensor
 from schuler.fuse.online import OnlineSettings, start_values
-from schuler.fuse.redundant import RedundantSensors, Sensor, redundant_sensors
+from schuler.fuse.redundant import (
+    RedundantSensors,
+    Sensor,
+    kinds_recorded,
+    redundant_sensors,
+)
 from schuler.fuse.wavelet_weights import wavelet_covariance
 from schuler.processes import NoiseModel
 
@@ -205,11 +210,7 @@ def synthesize(
     if weights not in WEIGHTS:
         raise InputError(f"weights '{weights}'", expected=f"one of {', '.join(WEIGHTS)}")
     how = OnlineSettings() if settings is None else settings
-    kinds: list[Sensor] = []
-    if np.isfinite(array.gyro).any():
-        kinds.append("gyro")
-    if np.isfinite(array.accel).any():
-        kinds.append("accel")
+    kinds = kinds_recorded(array)
     chosen = weights
     if weights == "auto":
         chosen = "ewma" if array.count > 2 else "averaged_volatility"
