@@ -15,8 +15,6 @@ from schuler.data.array import ImuArray, Mounting
 from schuler.errors import InputError
 from schuler.fuse.geometry import tetrahedron_mounting
 from schuler.navigate import navigate, navigate_array
-from schuler.navigate.array_model import fused_noise_model, fusion_of
-from schuler.navigate.error_model import sensor_error_model
 from schuler.simulate import Profile, motorcycle, simulate_array, simulate_gnss
 
 # the IMUs sit far from the origin of the body, so that a lever that is left out shows
@@ -99,16 +97,6 @@ def test_noise_that_nobody_knows_is_tuned_on_the_fused_drive() -> None:
     # 15 m/s and an offset of a few milliseconds that is estimated
     assert errors(result)[:3].max() < 0.15
     assert abs(result.solution.settings["time_offset_position_s"]) < 0.02
-
-
-def test_noise_of_equal_triads_falls_with_the_root_of_their_number() -> None:
-    models = [sensor_error_model(mems(), turn_on_accel=0.0, turn_on_gyro=0.0)] * 4
-    fused = fused_noise_model([mems()] * 4, fusion_of(tetrahedron_mounting(), models))
-    for channel, process in fused.processes.items():
-        one = mems().process(channel)
-        for tau in (0.1, 10.0, 1000.0):
-            ratio = process.allan_variance(tau) / one.allan_variance(tau)
-            assert ratio == pytest.approx(0.25, rel=1e-12)
 
 
 def test_what_cannot_be_done_is_said() -> None:

@@ -8,25 +8,19 @@ is the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data import CHANNELS
 from schuler.data.array import Mounting
 from schuler.errors import InputError, ModelError
+from schuler.fuse.least_squares import least_squares
 from schuler.navigate.sensor_states import FILTER_CHANNELS, SensorErrorModel
-from schuler.processes.base import Process
 from schuler.processes.noise_model import NoiseModel
-from schuler.processes.sums import ProcessSum
 
 FloatArray = NDArray[np.float64]
-
-# the field that grows with the size of a process; all others say how it moves
-Movement = tuple[Callable[..., Process], tuple[tuple[str, float], ...]]
-AMPLITUDES = ("density", "initial_sd", "sigma", "level", "slope", "amplitude", "step_density")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,9 +75,7 @@ def fusion_of(mounting: Mounting, models: Sequence[SensorErrorModel]) -> Fusion:
         # sensors without any white noise count alike
         if not np.all(scale > 0.0):
             scale = np.ones(scale.size)
-        q, r = np.linalg.qr(axes / scale[:, None])
-        pi: FloatArray = np.linalg.solve(r, q.T) / scale
-        return pi
+        return least_squares(axes, scale**2).pi
 
     accel = left_inverse(white[:, :3])
     share = np.array(
@@ -352,52 +344,3 @@ def noise_models_of(
             expected="one for all, or one for each",
         )
     return tuple(noise_models)
-
-
-def fused_noise_model(models: Sequence[NoiseModel], fusion: Fusion) -> NoiseModel:
-    """Return the noise of the fused IMU on the axes of the body.
-
-    Parts that move alike add up by pi squared, as they are independent. Spec 7.4: N / sqrt(n) for
-    n equal triads.
-
-    Parameters
-    ----------
-    models : sequence of NoiseModel
-        One for each IMU, in its own axes.
-    fusion : Fusion
-        How the sensors are added up.
-
-    Returns
-    -------
-    NoiseModel
-        Without the correlation between axes that skewed unequal sensors have.
-    """
-    processes: dict[str, Process] = {}
-    for channel in CHANNELS:
-        c = FILTER_CHANNELS.index(channel)
-        pi = fusion.of(c)[c % 3]
-        gathered: dict[Movement, dict[str, float]] = {}
-        for i, model in enumerate(models):
-            for a, axis in enumerate("xyz"):
-                own = model.process(f"{channel[:-1]}{axis}")
-                for part in own.components:
-                    _gather(part, float(pi[3 * i + a]), gathered)
-        parts = [
-            kind(**{n: float(np.sqrt(v)) for n, v in sizes.items()}, **dict(rest))
-            for (kind, rest), sizes in gathered.items()
-        ]
-        processes[channel] = ProcessSum(tuple(parts))
-    source = "; ".join(dict.fromkeys(m.source for m in models if m.source))
-    return NoiseModel(processes, source=f"{len(models)} IMUs fused: {source}")
-
-
-def _gather(part: Process, factor: float, gathered: dict[Movement, dict[str, float]]) -> None:
-    """Add the squares of the sizes of a process to those of all that move alike."""
-    values = part.parameters
-    sizes = {n: v for n, v in values.items() if n in AMPLITUDES}
-    if not any(abs(factor * v) > 0.0 for v in sizes.values()):
-        return
-    rest = tuple(sorted((n, v) for n, v in values.items() if n not in AMPLITUDES))
-    total = gathered.setdefault((type(part), rest), dict.fromkeys(sizes, 0.0))
-    for name, value in sizes.items():
-        total[name] += (factor * value) ** 2

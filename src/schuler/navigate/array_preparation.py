@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.array import ImuArray
 from schuler.errors import NavigationError
+from schuler.fuse.fused_noise import combine_noise_models
 from schuler.navigate.alignment import Alignment
 from schuler.navigate.array_model import (
     Fusion,
     extended_model,
-    fused_noise_model,
     fusion_of,
     noise_models_of,
     sensor_directions,
@@ -155,7 +155,7 @@ def prepare_array(
     recording, setup = prepare(
         fused_recording(whole, fusion),
         gnss,
-        fused_noise_model(noises, fusion),
+        combine_noise_models(noises, {"gyro": fusion.gyro, "accel": fusion.accel}),
         lever_arm=arm - fusion.centre,
         heading=heading,
         mounting=mounting,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from schuler.data import ImuRecording
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
+from schuler.fuse.lever_arms import turning_tensor
 from schuler.navigate.array_model import Fusion
 
 FloatArray = NDArray[np.float64]
@@ -201,7 +202,8 @@ def rotation_force(time: FloatArray, gyro: FloatArray, moment: FloatArray) -> Fl
     (n, 3) ndarray
         m/s².
     """
-    force: FloatArray = np.einsum("nbc,abc->na", _arm_tensor(time, gyro), moment)
+    tensor = turning_tensor(time, gyro, causal=False).reshape(-1, 3, 3)
+    force: FloatArray = np.einsum("nbc,abc->na", tensor, moment)
     return force
 
 
@@ -224,21 +226,7 @@ def arm_forces(array: ImuArray, fusion: Fusion) -> FloatArray:
     if not arms.any():
         return np.zeros((array.size, 3 * array.count))
     gyro = array.gyro.reshape(array.size, -1) @ fusion.gyro.T
-    body = np.einsum("nbc,kc->nkb", _arm_tensor(array.time, gyro), arms)
+    tensor = turning_tensor(array.time, gyro, causal=False).reshape(-1, 3, 3)
+    body = np.einsum("nbc,kc->nkb", tensor, arms)
     own = np.einsum("kba,nkb->nka", array.mounting.rotation, body)
     return np.asarray(own.reshape(array.size, -1))
-
-
-def _arm_tensor(time: FloatArray, gyro: FloatArray) -> FloatArray:
-    """[w' x] + [w x]², (n, 3, 3)."""
-    turn = np.gradient(gyro, time, axis=0)
-    square = np.einsum("na,na->n", gyro, gyro)
-    tensor = np.einsum("na,nb->nab", gyro, gyro) - square[:, None, None] * np.eye(3)
-    x, y, z = turn.T
-    tensor[:, 0, 1] -= z
-    tensor[:, 0, 2] += y
-    tensor[:, 1, 0] += z
-    tensor[:, 1, 2] -= x
-    tensor[:, 2, 0] -= y
-    tensor[:, 2, 1] += x
-    return np.asarray(tensor)

@@ -16,6 +16,7 @@ from schuler.data import CHANNELS, GnssRecording, Trajectory
 from schuler.data.array import ImuArray, Mounting
 from schuler.fuse.geometry import orthogonal_mounting, tetrahedron_mounting
 from schuler.processes import GaussMarkov, NoiseModel, WhiteNoise
+from schuler.rotations import euler_from_dcm
 from schuler.simulate import (
     L1_CODE,
     RTK_FIXED,
@@ -39,6 +40,8 @@ GYRO_TIME, ACCEL_TIME = 3000.0, 1000.0
 """Correlation times, s."""
 ACCEL_SD = 0.02
 """m/s² a sample."""
+COMPASS = np.radians(2.0)
+"""Of the heading at the start: an MTi has magnetometers, rad."""
 RADIUS = 0.04
 """Of the tetrahedron, m."""
 
@@ -107,7 +110,9 @@ class Ride:
         self.mounting = mounting
         # errors count once the ride is on its way
         self.judged = (standstill + (10.0 if kind == "ski" else 25.0), standstill + moving)
-        noise, *receivers = rng.spawn(1 + len(GRADES))
+        noise, compass, *receivers = rng.spawn(2 + len(GRADES))
+        yaw = euler_from_dcm(self.profile.trajectory(np.zeros(1)).rotation[0])[2]
+        self.heading = float(yaw + COMPASS * compass.standard_normal())
         self._receivers = dict(zip(GRADES, receivers, strict=True))
         ideal = simulate_array(
             self.profile, mounting.rotation, mounting.position, None, RATE, noise

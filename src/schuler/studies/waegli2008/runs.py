@@ -35,6 +35,7 @@ def compared(
         parity=parity,
         truth=ride.truth,
         judged=ride.judged,
+        heading=ride.heading,
         time_offset=0.0,
         turn_on_accel=0.0,
         turn_on_gyro=0.0,
