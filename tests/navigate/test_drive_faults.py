@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -317,3 +318,71 @@ def test_no_fault_makes_a_variance_negative() -> None:
         assert solution.attitude_sd.min() > 0.0
         assert solution.sensor_errors_sd.min() > 0.0
         assert np.isfinite(solution.sensor_errors).all()
+
+
+REAL_OFFSETS = (0.263, 0.133)
+
+
+@cache
+def a_real_drive(folder: Path) -> tuple[ImuRecording, GnssRecording, NavigationSolution]:
+    """The recording rtk-drive, and its smoothed solution without faults."""
+    from schuler.navigate import generic_noise_model
+    from schuler.readers import read_gnss, read_imu
+
+    imu, gnss = read_imu(folder / "rtk-drive"), read_gnss(folder / "rtk-drive")
+    whole = navigate(
+        imu, gnss, generic_noise_model(), tune_noise=False, time_offset=REAL_OFFSETS, smooth=True
+    )
+    return imu, gnss, whole
+
+
+@pytest.mark.parametrize(
+    ("fault", "kinds"),
+    [
+        (DropOut(start=200.0, duration=2.0), {"gap"}),
+        (DropOut(start=200.0, duration=60.0), {"gap", "new start"}),
+        (TimeJump(start=200.0, jump=0.8), {"time jump"}),
+        (StuckFault(start=200.0, duration=30.0, channels=("gyro_y",)), {"stuck axis", "new start"}),
+    ],
+)
+def test_faults_in_a_real_drive_are_seen_and_outlived(
+    data_folder: Path, fault: DropOut | TimeJump | StuckFault, kinds: set[str]
+) -> None:
+    from schuler.navigate import generic_noise_model
+
+    imu, gnss, whole = a_real_drive(data_folder)
+    begin = float(imu.time[0])
+    broken = faulty(imu, replace(fault, start=begin + fault.start))
+    solution = navigate(
+        broken, gnss, generic_noise_model(), tune_noise=False, time_offset=REAL_OFFSETS
+    )
+    assert {str(f["kind"]) for f in solution.settings["findings"]} - {"refused"} == kinds
+    # against the smoothed solution of the whole recording, from the fault to a minute behind it;
+    # later this drive has stretches in which the generic noise is too small, fault or no fault
+    path, other = solution.trajectory, whole.trajectory
+    k = np.flatnonzero((path.time > begin + 199.0) & (path.time < begin + 275.0))
+    near = np.clip(np.searchsorted(other.time, path.time[k] - 1e-4), 0, other.size - 1)
+    same = np.abs(other.time[near] - path.time[k]) < 2e-3
+    k, near = k[same], near[same]
+    north, east = earth.metres_per_radian(path.position[k])
+    off = (path.position[k, :2] - other.position[near, :2]) * np.stack([north, east], axis=-1)
+    claimed = np.hypot(solution.position_sd[k, :2], whole.position_sd[near, :2])
+    assert k.size > 1000
+    assert np.sqrt(np.mean((off / claimed) ** 2)) < 1.5
+    assert np.abs(off / claimed).max() < 4.5
+
+
+def test_reversed_axes_of_a_real_drive_are_named(data_folder: Path) -> None:
+    from schuler.navigate import generic_noise_model
+
+    imu, gnss, _ = a_real_drive(data_folder)
+    for channel, said in (("accel", "--flip accel"), ("gyro_x", "--flip gyro_x")):
+        with pytest.raises(SchulerError) as error:
+            navigate(
+                flipped(imu, (channel,)),
+                gnss,
+                generic_noise_model(),
+                tune_noise=False,
+                time_offset=REAL_OFFSETS,
+            )
+        assert said in str(error.value)

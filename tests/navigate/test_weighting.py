@@ -296,3 +296,24 @@ def test_the_standard_atmosphere_and_the_field_of_the_earth() -> None:
     assert np.linalg.norm(field) == pytest.approx(48.0)
     assert np.degrees(np.arctan2(field[1], field[0])) == pytest.approx(4.0)
     assert field[2] > 0.0
+
+
+def test_measurements_in_any_order_are_used_at_their_own_time() -> None:
+    drawn = twin(2)
+    source, _ = source_of("heading", 2)
+    assert isinstance(source, Heading)
+    order = np.random.default_rng(3).permutation(np.size(source.time))
+    mixed = replace(
+        source, time=np.asarray(source.time)[order], heading=np.asarray(source.heading)[order]
+    )
+    one, two = (
+        solved(drawn, drawn.gnss, MeasurementOptions(sources=(s,))).trajectory
+        for s in (source, mixed)
+    )
+    np.testing.assert_array_equal(one.position, two.position)
+    # a delay that is left in the stamps is no order: half a second late, it shows
+    late = replace(source, time=np.asarray(source.time) + 0.5)
+    told = solved(drawn, drawn.gnss, MeasurementOptions(sources=(late,)))
+    right = solved(drawn, drawn.gnss, MeasurementOptions(sources=(source,)))
+    nis = [s.innovations.of_kind("heading").nis.mean() for s in (right, told)]
+    assert nis[1] > 3.0 * nis[0]
