@@ -45,6 +45,7 @@ def run_filter(
     accel: Array,
     white_scale: Array,
     closing: bool,
+    out_first: int,
     channel: Integers,
     direction: Array,
     scaled_by: Integers,
@@ -98,7 +99,7 @@ def run_filter(
 
     Sizes: n samples, m sensor states in blocks of at most w, s = 9 + m; `scratch` is work without
     memory. The first stretch of a run needs two samples, as the first one only tells the start.
-    Per sample outputs have n rows (or none, then nothing is written).
+    Per sample outputs are written from row `out_first` on, or not at all if they have no rows.
 
     Aiding measurements, sorted by time: `updates` of them so far, number u in row u modulo the
     rows there are, so that a stream may keep the latest only; the same holds for what is written
@@ -475,14 +476,15 @@ def run_filter(
         if not math.isfinite(position[0] + position[2] + velocity[2] + covariance[6, 6]):
             return k
         if keep_samples:
+            row = out_first + k
             for i in range(3):
-                out_position[k, i] = position[i]
-                out_velocity[k, i] = velocity[i]
-                out_velocity_sd[k, i] = math.sqrt(max(covariance[3 + i, 3 + i], 0.0))
-                out_attitude_sd[k, i] = math.sqrt(max(covariance[6 + i, 6 + i], 0.0))
+                out_position[row, i] = position[i]
+                out_velocity[row, i] = velocity[i]
+                out_velocity_sd[row, i] = math.sqrt(max(covariance[3 + i, 3 + i], 0.0))
+                out_attitude_sd[row, i] = math.sqrt(max(covariance[6 + i, 6 + i], 0.0))
                 for j in range(3):
-                    out_rotation[k, i, j] = rotation[i, j]
-                    out_position_covariance[k, i, j] = covariance[i, j]
+                    out_rotation[row, i, j] = rotation[i, j]
+                    out_position_covariance[row, i, j] = covariance[i, j]
     counters[1], counters[2], counters[3] = done, nodes + 1, 1 if moved else 0
     habits[8], habits[9], habits[10], habits[11] = discretised, likelihood, last, step_before
     return -1

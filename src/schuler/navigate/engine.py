@@ -348,10 +348,11 @@ def run_engine(
             stop == n,
             stepper.tail(
                 measurements,
-                tuple(a[own] for a in sample_arrays(samples)),
+                sample_arrays(samples),
                 aiding_arrays(aiding),
                 node_arrays(nodes),
             ),
+            first,
         )
         if bad >= 0:
             raise diverged(imu, first + bad)

@@ -250,6 +250,7 @@ class FilterStepper:
         white_scale: FloatArray,
         closing: bool,
         tail: tuple[Any, ...],
+        out_first: int = 0,
     ) -> int:
         """Take a stretch of samples; see `kernels.filter.run_filter`.
 
@@ -263,6 +264,8 @@ class FilterStepper:
             Whether the last sample makes a node.
         tail : tuple
             From `tail`.
+        out_first : int
+            Row of the sample outputs that the first sample is written to.
 
         Returns
         -------
@@ -278,6 +281,7 @@ class FilterStepper:
             accel,
             white_scale,
             closing,
+            out_first,
             *tail,
         )
 

@@ -104,6 +104,7 @@ class _Samples:
     """The latest samples of a stream, in a row: what came, and what the filter made of it."""
 
     places: int
+    keep_outputs: bool
     time: FloatArray = field(init=False)
     gyro: FloatArray = field(init=False)
     accel: FloatArray = field(init=False)
@@ -116,7 +117,7 @@ class _Samples:
         rows = 2 * self.places
         self.time, self.scale = np.empty(rows), np.ones((rows, 6))
         self.gyro, self.accel = np.empty((rows, 3)), np.empty((rows, 3))
-        self.outputs = SampleOutputs.empty(rows)
+        self.outputs = SampleOutputs.empty(rows if self.keep_outputs else 0)
 
     def add(self, time: float, gyro: ArrayLike, accel: ArrayLike) -> int:
         """Append one; its row."""
@@ -124,8 +125,9 @@ class _Samples:
         if row == len(self.time):
             for values in (self.time, self.gyro, self.accel, self.scale):
                 values[: self.places] = values[self.places :]
-            for values in sample_arrays(self.outputs):
-                values[: self.places] = values[self.places :]
+            if self.keep_outputs:
+                for values in sample_arrays(self.outputs):
+                    values[: self.places] = values[self.places :]
             self.first += self.places
             row = self.places
         self.time[row] = time
@@ -213,7 +215,8 @@ class NavigationFilter:
         self._lever = np.asarray(self._receiver.lever_arm, dtype=np.float64)
         self._offset = np.asarray(self._receiver.offset_states, dtype=np.int64)
         held = max(late, 0.0 if lag is None else lag + 2.0 * node_interval)
-        self._samples = _Samples(int(held * rate * 1.5) + 4 * SNAPSHOT_EVERY)
+        places = int(held * rate * 1.5) + 4 * SNAPSHOT_EVERY
+        self._samples = _Samples(places, keep_outputs=lag is not None)
         rows = MEASUREMENTS_KEPT
         self._time = np.full(rows, np.inf)
         self._rank = np.zeros(rows, dtype=np.int64)
@@ -613,11 +616,10 @@ class NavigationFilter:
         if self._samples.count > 1 and self._stepper.samples_taken < self._samples.count:
             self._run()
 
-    def _tail(self, own: slice) -> tuple[Any, ...]:
+    def _tail(self) -> tuple[Any, ...]:
         """What goes to the kernel behind the samples; the same until a measurement comes."""
         measurements = (self._known, *self._measured, self._matrices)
-        outputs = sample_arrays(self._samples.outputs)
-        return self._stepper.tail(measurements, tuple(a[own] for a in outputs), *self._after)
+        return self._stepper.tail(measurements, sample_arrays(self._samples.outputs), *self._after)
 
     def _run(self) -> None:
         """Take all samples that have come, with a snapshot now and then."""
@@ -626,10 +628,8 @@ class NavigationFilter:
         while begun < count:
             stop = min(count, begun - begun % SNAPSHOT_EVERY + SNAPSHOT_EVERY)
             first, last = begun - samples.first, stop - samples.first
-            if self.lag is not None:
-                self._same = self._tail(slice(first, last))
-            elif self._changed:
-                self._same = self._tail(slice(0, 0))
+            if self._changed:
+                self._same = self._tail()
                 self._changed = False
             bad = stepper.advance(
                 samples.time[first:last],
@@ -638,6 +638,7 @@ class NavigationFilter:
                 samples.scale[first:last] if self._scaled else NO_SCALE,
                 False,
                 self._same,
+                first,
             )
             if bad >= 0:
                 raise NavigationError(
