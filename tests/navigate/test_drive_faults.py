@@ -386,3 +386,36 @@ def test_reversed_axes_of_a_real_drive_are_named(data_folder: Path) -> None:
                 time_offset=REAL_OFFSETS,
             )
         assert said in str(error.value)
+
+
+def test_every_measurement_has_its_row_though_a_break_lets_some_go() -> None:
+    from schuler.navigate import prepare
+    from schuler.navigate.engine import gate_thresholds
+    from schuler.navigate.likelihood import slower_imu
+    from schuler.navigate.pieces import run_in_pieces
+
+    imu, gnss = a_drive(3)
+    broken = faulty(imu, DropOut(start=120.02, duration=40.0))
+    # fixes just before and inside the gap, where a slower recording has ended already
+    gnss = replace(gnss, time=gnss.time + 0.015)
+    cut, setup = prepare(broken, gnss, NOISE, lever_arm=LEVER, time_offset=-0.015)
+    slow = slower_imu(cut)
+    schedule = setup.schedule(slow, gnss)
+    done = run_in_pieces(
+        slow,
+        setup.initial_state(slow, gnss),
+        setup.restarts(gnss),
+        setup.model,
+        schedule,
+        gate=gate_thresholds(0.0),
+        keep_nodes=False,
+    )
+    assert done.aiding.nis.size == schedule.size
+    assert np.all(np.diff(schedule.time) >= 0.0)
+    used = done.aiding.degrees > 0
+    # all but those between the last slow sample and the break
+    assert np.count_nonzero(~used) <= 2
+    assert np.all(schedule.time[~used] < setup.condition.restarts[0].time)
+    # and a drive with a break is tuned and its offsets are found
+    found = solved(broken, gnss, time_offset="estimate")
+    assert found.settings["time_offset_position_s"] == pytest.approx(-0.015, abs=0.02)

@@ -95,7 +95,7 @@ class Piece:
     start : InitialState
         At its first sample; sensor states as if nothing was before.
     schedule : AidingSchedule
-        Measurements in its time.
+        Measurements from its first sample to that of the next piece.
     white_scale : (n, 6) ndarray or None
         Of its samples.
     """
@@ -127,17 +127,20 @@ def pieces_of(
     """
     edges = [0, *(int(np.searchsorted(imu.time, t - 1e-6)) for t, _ in restarts), imu.size]
     starts = [initial, *(state for _, state in restarts)]
+    whole = [
+        (a, b, start)
+        for a, b, start in zip(edges[:-1], edges[1:], starts, strict=True)
+        if b - a >= 2
+    ]
+    # what is measured between two pieces stays with the first and is never reached
+    begins = [float(imu.time[a]) for a, _, _ in whole]
+    places = [0, *np.searchsorted(schedule.time, begins[1:], side="left"), schedule.size]
     pieces = []
-    for a, b, start in zip(edges[:-1], edges[1:], starts, strict=True):
-        if b - a < 2:
-            continue
+    for k, (a, b, start) in enumerate(whole):
         part = replace(
             imu, time=imu.time[a:b], gyro=imu.gyro[a:b], accel=imu.accel[a:b], temperature=None
         )
-        rows = slice(
-            int(np.searchsorted(schedule.time, part.time[0], side="left")),
-            int(np.searchsorted(schedule.time, part.time[-1], side="right")),
-        )
+        rows = slice(int(places[k]), int(places[k + 1]))
         scale = None if white_scale is None else white_scale[a:b]
         pieces.append(Piece(part, start, schedule.select(rows), scale))
     return pieces
