@@ -19,6 +19,7 @@ from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.evaluate.floor import white_noise_floor
 from schuler.navigate import prepare, run, withhold
+from schuler.navigate.fixes import screen_fixes
 from schuler.navigate.measurements import PLAIN, MeasurementOptions
 from schuler.navigate.running import FALSE_ALARM, NavigationRun
 from schuler.processes.noise_model import NoiseModel
@@ -30,6 +31,8 @@ Window = tuple[float, float]
 TWO_SIGMA = 6.180074306244168
 # before the first window, the run needs this long to align and settle (s)
 SETTLING = 60.0
+# a solution with a longer step between samples has a break there (s)
+LONGEST_STEP = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -376,6 +379,11 @@ def judge_window(
     stamp = gnss.time + time_offset
     inside = (since >= start - 1e-6) & (since < start + seconds - 1e-6)
     inside &= (stamp >= path.time[0]) & (stamp <= path.time[-1])
+    # a fix that fits none of its neighbours is no truth, and where nothing was solved nothing is
+    # judged
+    inside &= ~screen_fixes(gnss).wrong
+    behind = np.clip(np.searchsorted(path.time, stamp), 1, path.size - 1)
+    inside &= path.time[behind] - path.time[behind - 1] < LONGEST_STEP
     if not inside.any():
         raise InputError(
             f"no GNSS epoch to compare with in the outage {start:g}:{seconds:g}",
