@@ -38,6 +38,8 @@ GYRO_BIAS, ACCEL_BIAS = float(np.radians(1.0)), 0.04
 """Gauss-Markov, rad/s and m/s²: 1 deg/s and 4 mg."""
 GYRO_TIME, ACCEL_TIME = 3000.0, 1000.0
 """Correlation times, s."""
+SKI_GYRO_TIME = 10_000.0
+"""Of the gyros on skis, s: a bias that wanders while the skier waits turns the heading."""
 ACCEL_SD = 0.02
 """m/s² a sample."""
 COMPASS = np.radians(2.0)
@@ -49,20 +51,22 @@ Receiver = Literal["L1", "L1/L2"]
 GRADES: dict[Receiver, GnssGrade] = {"L1": L1_CODE, "L1/L2": RTK_FIXED}
 
 
-def mti(bias: float = 1.0) -> NoiseModel:
+def mti(bias: float = 1.0, gyro_time: float = GYRO_TIME) -> NoiseModel:
     """Return the noise of one of the paper's MTi.
 
     Parameters
     ----------
     bias : float
         Factor on the biases.
+    gyro_time : float
+        Correlation time of the gyros' biases, s.
 
     Returns
     -------
     NoiseModel
         White noise and one Gauss-Markov bias an axis.
     """
-    gyro = WhiteNoise(GYRO_SD / np.sqrt(RATE)) + GaussMarkov(bias * GYRO_BIAS, GYRO_TIME)
+    gyro = WhiteNoise(GYRO_SD / np.sqrt(RATE)) + GaussMarkov(bias * GYRO_BIAS, gyro_time)
     accel = WhiteNoise(ACCEL_SD / np.sqrt(RATE)) + GaussMarkov(bias * ACCEL_BIAS, ACCEL_TIME)
     return NoiseModel(
         {c: gyro if c.startswith("gyro") else accel for c in CHANNELS},
@@ -94,10 +98,11 @@ class Ride:
         biases: tuple[float, ...],
     ) -> None:
         rng = generator(seed, PAPER, kind)
-        self.models = tuple(mti(b) for b in biases)
+        gyro_time = SKI_GYRO_TIME if kind == "ski" else GYRO_TIME
+        self.models = tuple(mti(b, gyro_time) for b in biases)
         mounting: Mounting
         if kind == "ski":
-            standstill, moving = (60.0, 60.0) if size == "quick" else (150.0, 60.0)
+            standstill, moving = 60.0, 60.0
             self.profile = ski(standstill, moving, rng.spawn(1)[0])
             mounting = Mounting(
                 orthogonal_mounting(len(biases)).rotation,
