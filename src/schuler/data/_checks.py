@@ -40,11 +40,34 @@ def check_finite(array: NDArray[Any], what: str) -> None:
     )
 
 
+PASS = 8192
+"""Stamps looked at in one go: their differences stay in the cache."""
+REGULAR = 1e-9
+"""Relative difference of steps that is the rounding of the stamps."""
+
+
+def extreme_steps(time: FloatArray) -> tuple[float, float]:
+    """Return the smallest and the largest difference of stamps (two or more)."""
+    small, large = np.inf, -np.inf
+    for start in range(0, time.size - 1, PASS):
+        step = np.diff(time[start : start + PASS + 1])
+        small, large = min(small, float(step.min())), max(large, float(step.max()))
+    return small, large
+
+
+def median_step(time: FloatArray) -> float:
+    """Return the median difference of stamps (two or more), at once where all are the same."""
+    small, large = extreme_steps(time)
+    if large - small <= REGULAR * large:
+        return 0.5 * (small + large)
+    return float(np.median(np.diff(time)))
+
+
 def check_time(time: FloatArray, what: str) -> None:
     """Raise when time is not finite and strictly increasing."""
     check_finite(time, f"{what} time")
-    step = np.diff(time)
-    if step.size and step.min() <= 0.0:
+    if time.size > 1 and extreme_steps(time)[0] <= 0.0:
+        step = np.diff(time)
         k = int(np.argmax(step <= 0.0))
         kind = "repeats" if step[k] == 0.0 else "goes backwards"
         raise InputError(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.data._checks import FloatArray, check_finite, check_time, frozen
+from schuler.data._checks import FloatArray, check_finite, check_time, frozen, median_step
 from schuler.data.imu import ImuRecording
 from schuler.errors import InputError
 
@@ -259,7 +259,7 @@ class ImuArray:
     @property
     def rate(self) -> float:
         """Samples a second: the inverse of the median step."""
-        return float(1.0 / np.median(np.diff(self.time)))
+        return 1.0 / median_step(self.time)
 
     @property
     def missing(self) -> FloatArray:

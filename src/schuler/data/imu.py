@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.data._checks import FloatArray, check_finite, check_time, frozen
+from schuler.data._checks import FloatArray, check_finite, check_time, frozen, median_step
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class ImuRecording:
     @property
     def rate(self) -> float:
         """Samples a second: the inverse of the median step."""
-        return float(1.0 / np.median(np.diff(self.time)))
+        return 1.0 / median_step(self.time)
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -12,6 +12,9 @@ from schuler.fuse.geometry import check_rank
 
 FloatArray = NDArray[np.float64]
 
+PASS = 4096
+"""Samples fused in one go: what is taken from them stays in the cache."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeastSquares:
@@ -138,7 +141,9 @@ def fuse_constant(
     fused = _fuse(measurements, whole.pi, bias, tensor, arm)
     which = np.zeros(measurements.shape[0], dtype=np.int64)
     solutions = [whole.pi]
-    rows = np.flatnonzero(np.isnan(fused[:, 0] + fused[:, 1] + fused[:, 2]))
+    rows = np.zeros(0, dtype=np.int64)
+    if np.isnan(fused.sum()):
+        rows = np.flatnonzero(np.isnan(fused[:, 0] + fused[:, 1] + fused[:, 2]))
     if rows.size:
         there = np.isfinite(measurements[rows])
         sets, index = np.unique(there, axis=0, return_inverse=True)
@@ -167,12 +172,18 @@ def _fuse(
     tensor: FloatArray | None,
     arm: FloatArray | None,
 ) -> FloatArray:
-    fused = measurements @ pi.T
-    if bias is not None:
-        fused -= pi @ bias
-    if tensor is not None and arm is not None:
-        # the arm of the fused sensor: nothing when it is the mean and the origin is the centre
-        fused -= tensor @ (arm @ pi.T)
+    fused = np.empty((measurements.shape[0], 3))
+    by = np.ascontiguousarray(pi.T)
+    shift = None if bias is None else pi @ bias
+    # the arm of the fused sensor: nothing when it is the mean and the origin is the centre
+    turning = None if tensor is None or arm is None else arm @ by
+    for start in range(0, fused.shape[0], PASS):
+        part = slice(start, start + PASS)
+        out = np.matmul(measurements[part], by, out=fused[part])
+        if shift is not None:
+            out -= shift
+        if tensor is not None and turning is not None:
+            out -= tensor[part] @ turning
     return fused
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuArray
+from schuler.data._checks import median_step
 from schuler.errors import InputError
 from schuler.fuse.geometry import check_rank
 
@@ -67,7 +68,7 @@ class RedundantSensors:
     @property
     def step(self) -> float:
         """Median sampling interval, s."""
-        return float(np.median(np.diff(self.time)))
+        return median_step(self.time)
 
     @property
     def spacing(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import ImuArray, ImuRecording
+from schuler.data._checks import median_step
 from schuler.errors import InputError
 from schuler.fuse.array_noise import ArrayNoise
 from schuler.fuse.fault_settings import FaultSettings
@@ -276,12 +277,16 @@ def _assembled(
     detection: FaultDetection | None,
     name: str,
 ) -> SyntheticImu:
-    nothing = np.full((array.size, 3), np.nan)
-    vectors = {k: fused[k].vectors if k in fused else nothing for k in ("gyro", "accel")}
-    good = np.ones(array.size, dtype=bool)
+    vectors = {
+        k: fused[k].vectors if k in fused else np.full((array.size, 3), np.nan)
+        for k in ("gyro", "accel")
+    }
+    rows = np.arange(array.size)
     for f in fused.values():
-        good &= np.isfinite(f.vectors[:, 0] + f.vectors[:, 1] + f.vectors[:, 2])
-    rows = np.flatnonzero(good)
+        # one sum tells that no sample is missing: only then each one needs a look
+        if not np.isfinite(f.vectors.sum()):
+            x, y, z = f.vectors[rows].T
+            rows = rows[np.isfinite(x + y + z)]
     if rows.size < 2:
         raise InputError(
             f"{rows.size} samples that enough sensors measured",
@@ -301,7 +306,7 @@ def _assembled(
     )
     if noise_models is None:
         model = white_noise_model(
-            {k: f.mean_covariance for k, f in fused.items()}, float(np.median(np.diff(array.time)))
+            {k: f.mean_covariance for k, f in fused.items()}, median_step(array.time)
         )
     else:
         if len(noise_models) != array.count:
