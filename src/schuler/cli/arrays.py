@@ -91,6 +91,33 @@ def load_array_drive(
     return array, fixes
 
 
+def array_keywords(known: RunOptions) -> dict[str, Any]:
+    """Return what is known of a run with an array.
+
+    Parameters
+    ----------
+    known : RunOptions
+        As told.
+
+    Returns
+    -------
+    dict
+        As `prepare_array` wants it.
+
+    Raises
+    ------
+    InputError
+        Options that filters of arrays do not have.
+    """
+    keywords = known.keywords()
+    if "measurements" in keywords:
+        raise InputError(
+            "--update, --adaptive or --gnss-correlated with --array",
+            expected="the gate and the receiver's own deviations",
+        )
+    return keywords
+
+
 def parse_mounting(texts: tuple[str, ...], count: int) -> Mounting:
     """Return the mounting of all IMUs.
 
@@ -168,7 +195,7 @@ def navigate_arrays(
     if options.mechanization not in names:
         raise InputError(f"mechanization '{options.mechanization}'", expected=" or ".join(names))
     windows = parse_windows(options.window, None)["windows"] if options.window else ()
-    keywords = known.keywords()
+    keywords = array_keywords(known)
     array, fixes = load_array_drive(options, gnss, reading)
     model = load_noise(noise)
     say_when_compiling()
@@ -332,7 +359,8 @@ def observability(
     files = options.array if imu is None else (imu,)
     inputs = (*files, gnss, *((noise,) if noise else ()))
     outputs = Outputs(report, json, inputs=inputs)
-    keywords = (known or RunOptions()).keywords() | {"aiding": ()}
+    told = known or RunOptions()
+    keywords = (array_keywords(told) if imu is None else told.keywords()) | {"aiding": ()}
     how = reading or DriveReading()
     model = load_noise(noise)
     results: tuple[RunObservability, ...]

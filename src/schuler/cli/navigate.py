@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from schuler.cli.arrays import ArrayOptions, navigate_arrays, require_one
 from schuler.cli.reading import DriveReading
 from schuler.cli.running import RunOptions
+from schuler.cli.sensors import SensorOptions
 from schuler.errors import InputError, SchulerError
 
 # what a smoothed solution says of how it was smoothed
@@ -35,6 +36,7 @@ def navigate(
     json: Path | None = None,
     several: Annotated[ArrayOptions | None, Parameter(name="*")] = None,
     known: Annotated[RunOptions | None, Parameter(name="*")] = None,
+    sensors: Annotated[SensorOptions | None, Parameter(name="*")] = None,
     reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
 ) -> int:
     """Compute position, velocity and attitude of a drive, with their uncertainty.
@@ -64,6 +66,8 @@ def navigate(
         An array of IMUs instead of one.
     known : RunOptions, optional
         What is known about the run.
+    sensors : SensorOptions, optional
+        Other sensors.
     reading : DriveReading, optional
         How to read the files.
     """
@@ -77,15 +81,23 @@ def navigate(
 
     options = several or ArrayOptions()
     require_one(imu, options)
+    beside = sensors or SensorOptions()
+    beside.check()
     if imu is None:
+        if beside.files:
+            raise InputError(
+                f"{beside.files[0]} with --array",
+                expected="other sensors beside a single --imu",
+            )
         told, how = known or RunOptions(), reading or DriveReading()
         return navigate_arrays(options, gnss, noise, smooth, (out, report, json), told, how)
-    inputs = (imu, gnss, *((noise,) if noise else ()))
+    inputs = (imu, gnss, *((noise,) if noise else ()), *beside.files)
     outputs = Outputs(out, report, json, inputs=inputs)
     if out is not None:
         check_trajectory_name(out)
-    keywords = (known or RunOptions()).keywords()
-    recording, fixes = load_drive(imu, gnss, reading or DriveReading())
+    keywords, how = (known or RunOptions()).keywords(), reading or DriveReading()
+    recording, fixes = load_drive(imu, gnss, how)
+    keywords = beside.keywords(keywords, recording.time, repair=how.repair)
     model = load_noise(noise)
     say_when_compiling()
     with progress("Navigating") as shown:

@@ -95,7 +95,7 @@ def compare(
 
     if "measurements" in keywords:
         raise InputError(
-            "--models with --update, --adaptive or --gnss-correlated",
+            "--models with --update, --adaptive, --gnss-correlated or other sensors",
             expected="error models side by side with the gate and the receiver's own deviations",
         )
     if keywords.pop("tune_noise", None):

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from schuler.cli.outage_models import ModelOptions
 from schuler.cli.reading import DriveReading
 from schuler.cli.running import RunOptions
+from schuler.cli.sensors import SensorOptions
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def outages(
     json: Path | None = None,
     told: Annotated[ModelOptions | None, Parameter(name="*")] = None,
     known: Annotated[RunOptions | None, Parameter(name="*")] = None,
+    sensors: Annotated[SensorOptions | None, Parameter(name="*")] = None,
     reading: Annotated[DriveReading | None, Parameter(name="*")] = None,
 ) -> int:
     """Withhold GNSS in parts of a drive and measure the error against it.
@@ -66,6 +68,8 @@ def outages(
         Which error models to compare.
     known : RunOptions, optional
         What is known about the run.
+    sensors : SensorOptions, optional
+        Other sensors.
     reading : DriveReading, optional
         How to read the files.
     """
@@ -79,8 +83,9 @@ def outages(
     from schuler.report import render_report
     from schuler.scale.progress import progress
 
-    options = told or ModelOptions()
-    inputs = tuple(f for f in (imu, gnss, noise, options.static) if f is not None)
+    options, beside = told or ModelOptions(), sensors or SensorOptions()
+    beside.check()
+    inputs = tuple(f for f in (imu, gnss, noise, options.static, *beside.files) if f is not None)
     outputs = Outputs(report, json, inputs=inputs)
     which = parse_windows(window, sweep)
     keywords = (known or RunOptions()).keywords()
@@ -89,7 +94,9 @@ def outages(
         raise InputError(f"--lag {lag:g}", expected="seconds, above zero")
     if lag is not None and models:
         raise InputError("--lag with --models", expected="one of them")
-    recording, fixes = load_drive(imu, gnss, reading or DriveReading())
+    how = reading or DriveReading()
+    recording, fixes = load_drive(imu, gnss, how)
+    keywords = beside.keywords(keywords, recording.time, repair=how.repair)
     model = load_noise(noise)
     say_when_compiling()
     if models:

@@ -345,6 +345,25 @@ def height_of_pressure(pressure: ArrayLike, reference: float = 101325.0) -> Floa
     return np.asarray(44330.77 * (1.0 - ratio**0.190263))
 
 
+def pressure_per_height(pressure: ArrayLike, reference: float = 101325.0) -> FloatArray:
+    """Return by how much pressure falls with height in the standard atmosphere.
+
+    Parameters
+    ----------
+    pressure : array_like
+        Pa.
+    reference : float
+        Pressure at height zero, Pa.
+
+    Returns
+    -------
+    ndarray
+        Pa/m, positive: 12.0 at sea level. The slope of `height_of_pressure`.
+    """
+    ratio = np.asarray(pressure, dtype=np.float64) / reference
+    return np.asarray(reference * ratio**0.809737 / (44330.77 * 0.190263))
+
+
 def _series(
     time: ArrayLike, value: ArrayLike, columns: int, what: str
 ) -> tuple[FloatArray, FloatArray]:

@@ -1,5 +1,5 @@
-"""Files in: one door, `read_imu` and `read_gnss`, and behind it one reader per format."""
+"""Files in: `read_imu`, `read_gnss` and `read_sensor`, and behind them one reader per format."""
 
-from schuler.readers.door import read_gnss, read_imu, read_imus
+from schuler.readers.door import read_gnss, read_imu, read_imus, read_sensor
 
-__all__ = ["read_gnss", "read_imu", "read_imus"]
+__all__ = ["read_gnss", "read_imu", "read_imus", "read_sensor"]

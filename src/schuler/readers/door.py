@@ -1,8 +1,9 @@
-"""One door for all formats: `read_imu`, `read_imus`, `read_gnss`."""
+"""One door for all formats: `read_imu`, `read_imus`, `read_gnss`, `read_sensor`."""
 
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from schuler.readers.imu import imu_recordings
 from schuler.readers.options import ReadOptions
 from schuler.readers.rosbag import open_bag
 from schuler.readers.rtklib import open_pos
+from schuler.readers.sensors import SensorKind, SensorSeries, sensor_series
 from schuler.readers.source import Source
 from schuler.readers.text import open_text
 
@@ -161,6 +163,50 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
     source, options = _open(Path(path), "gnss", options)
     recording: GnssRecording = _located(source, gnss_recording, source, options)
     return recording
+
+
+def read_sensor(
+    path: str | Path, kind: SensorKind, *, unit: str | None = None, repair: bool = False
+) -> SensorSeries:
+    """Read what a heading sensor, barometer or magnetometer measured.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV or other text, Parquet, or NPZ, with names of columns.
+    kind : SensorKind
+        `HEADINGS`, `BAROMETERS` or `MAGNETOMETERS`.
+    unit : str, optional
+        Of the values and their deviations, in place of that in the names.
+    repair : bool
+        Leave out rows that lack a number.
+
+    Returns
+    -------
+    SensorSeries
+        In SI and radians.
+
+    Raises
+    ------
+    InputError
+        Anything wrong with the file: one line with file, place, what was expected, what to do.
+    UnitError
+        A unit that is not known or does not fit.
+    """
+    path = Path(path)
+    form = detect_format(path)
+    if form in ("bag", "pos"):
+        raise InputError(
+            f"no file of a {kind.name}",
+            expected="text, Parquet or NPZ with columns such as " + kind.example,
+            where=str(path),
+        )
+    options = ReadOptions(repair=repair)
+    source, _ = _open(path, "imu", options)
+    built: SensorSeries = _located(
+        source, partial(sensor_series, unit=unit, repair=repair), source, kind
+    )
+    return built
 
 
 _ONLY_IMU = {"gyro_unit", "accel_unit", "increments", "imu", "missing"}
