@@ -148,7 +148,7 @@ def test_units_come_from_names_or_from_the_user(files: dict[str, Path], tmp_path
     [
         ("time_s,speed_m_s\n1,2\n2,3\n", "no column for heading"),
         ("time_s,heading\n1,2\n2,3\n", "does not say its unit"),
-        ("time_s,heading_m\n1,2\n2,3\n", "an angle"),
+        ("time_s,heading_m\n1,2\n2,3\n", "unit for angle"),
         ("time_s,heading_deg,sd_deg\n1,2,0.1\n2,3,0\n", "line 3"),
         ("time_s,heading_deg,sd_deg\n1,,0.1\n2,3,0.1\n", "1 of 2 rows"),
         ("heading_deg,sd_deg\n2,0.1\n3,0.1\n", "no column for time"),
