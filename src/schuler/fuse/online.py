@@ -330,7 +330,8 @@ def follow_sensors(
     smoothing = np.zeros(0) if watch is None else smoothing_shares(watch, seconds)
     fused, six, variance = np.empty((n, 3)), np.empty((blocks, 6)), np.empty((blocks, count))
     usage, freedom = np.empty((blocks, count), np.int8), np.empty(blocks, np.int16)
-    statistic, axis_statistic, unit_statistic = np.empty(n), np.empty(n), np.empty(n)
+    # in one piece: large arrays come in large pages
+    statistic, axis_statistic, unit_statistic = np.empty((3, n))
     axis_suspect, unit_suspect = np.empty(n, np.int16), np.empty(n, np.int16)
     smoothed, factor = np.empty((blocks, smoothing.size)), np.ones(smoothing.size)
     events = np.zeros((EVENTS, 8))

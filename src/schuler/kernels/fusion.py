@@ -59,37 +59,31 @@ def make_plan(total: int, units: int) -> Plan:
     )
 
 
-@kernel()
-def invert_symmetric(matrix: FloatArray, inverse: FloatArray) -> float:
-    """Invert a symmetric 3 x 3 matrix; return its determinant over that of its diagonal.
+@kernel(inline=True)
+def invert_symmetric(
+    a: float, b: float, c: float, d: float, e: float, f: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Invert a positive semidefinite 3 x 3 matrix.
 
     Parameters
     ----------
-    matrix : (3, 3) ndarray
-        Positive semidefinite; its upper triangle is read.
-    inverse : (3, 3) ndarray
-        Filled in place; left alone when the determinant is not positive.
+    a, b, c, d, e, f : float
+        Its upper triangle, row by row. Numbers, because handing on arrays costs more than this.
 
     Returns
     -------
-    float
-        Between 0 (singular) and 1 (orthogonal).
+    tuple of float
+        Its determinant over that of its diagonal, between 0 (singular) and 1 (orthogonal), and
+        the upper triangle of the inverse; zeros when the determinant is not positive.
     """
-    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
-    d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
     m00, m01, m02 = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * m00 + b * m01 + c * m02
     scale = a * d * f
     if not determinant > 0.0 or not scale > 0.0:
-        return 0.0
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     g = 1.0 / determinant
-    inverse[0, 0] = m00 * g
-    inverse[0, 1] = inverse[1, 0] = m01 * g
-    inverse[0, 2] = inverse[2, 0] = m02 * g
-    inverse[1, 1] = (a * f - c * c) * g
-    inverse[1, 2] = inverse[2, 1] = (b * c - a * e) * g
-    inverse[2, 2] = (a * d - b * b) * g
-    return float(determinant / scale)
+    m11, m12, m22 = a * f - c * c, b * c - a * e, a * d - b * b
+    return determinant / scale, m00 * g, m01 * g, m02 * g, m11 * g, m12 * g, m22 * g
 
 
 @kernel()
@@ -119,7 +113,7 @@ def arrange(
     active, bounds, h, pi, weight, testing, inverse, unit_testing = plan
     units = bounds.size - 1
     count, filled = 0, 0
-    normal = np.zeros((3, 3))
+    xx = xy = xz = yy = yz = zz = 0.0
     for m in range(use.size):
         while filled < unit[m]:
             filled += 1
@@ -129,49 +123,64 @@ def arrange(
         active[count] = m
         w = 1.0 / variance[m]
         weight[count] = w
-        for i in range(3):
-            h[i, count] = axes[m, i]
-            for j in range(i, 3):
-                normal[i, j] += w * axes[m, i] * axes[m, j]
+        x, y, z = axes[m, 0], axes[m, 1], axes[m, 2]
+        h[0, count], h[1, count], h[2, count] = x, y, z
+        xx, xy, xz = xx + w * x * x, xy + w * x * y, xz + w * x * z
+        yy, yz, zz = yy + w * y * y, yz + w * y * z, zz + w * z * z
         count += 1
     while filled < units:
         filled += 1
         bounds[filled] = count
-    if count < 3 or not invert_symmetric(normal, inverse) > 1e-9:
+    share, xx, xy, xz, yy, yz, zz = invert_symmetric(xx, xy, xz, yy, yz, zz)
+    if count < 3 or not share > 1e-9:
         return -1
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = xx, xy, xz
+    inverse[1, 0], inverse[1, 1], inverse[1, 2] = xy, yy, yz
+    inverse[2, 0], inverse[2, 1], inverse[2, 2] = xz, yz, zz
     for a in range(count):
         x, y, z, w = h[0, a], h[1, a], h[2, a], weight[a]
-        p = inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z
-        q = inverse[1, 0] * x + inverse[1, 1] * y + inverse[1, 2] * z
-        r = inverse[2, 0] * x + inverse[2, 1] * y + inverse[2, 2] * z
+        p = xx * x + xy * y + xz * z
+        q = xy * x + yy * y + yz * z
+        r = xz * x + yz * y + zz * z
         pi[0, a], pi[1, a], pi[2, a] = p * w, q * w, r * w
-        left = 1.0 / w - (x * p + y * q + z * r)
+        left = variance[active[a]] - (x * p + y * q + z * r)
         testing[a] = 1.0 / left if left * w > 1e-9 else 0.0
-    for u in range(units):
-        _arrange_unit(bounds[u], bounds[u + 1] - bounds[u], h, pi, weight, unit_testing[u])
+    _arrange_units(bounds, h, pi, weight, unit_testing)
     return count
 
 
 @kernel()
-def _arrange_unit(
-    first: int, size: int, h: FloatArray, pi: FloatArray, weight: FloatArray, testing: FloatArray
+def _arrange_units(
+    bounds: IntArray, h: FloatArray, pi: FloatArray, weight: FloatArray, testing: FloatArray
 ) -> None:
-    """Fill Q_TT^-1 of a unit of one to three axes; zero when it cannot be tested."""
-    testing[:, :] = 0.0
-    if size < 1 or size > 3:
-        return
-    block = np.eye(3)
-    share = 1.0
-    for i in range(size):
+    """Fill Q_TT^-1 of the units of one to three axes; zero when one cannot be tested."""
+    for u in range(bounds.size - 1):
+        first, size = bounds[u], bounds[u + 1] - bounds[u]
+        # the block is made where its inverse is wanted
+        for i in range(3):
+            for j in range(3):
+                testing[u, i, j] = 0.0
+        if size < 1 or size > 3:
+            continue
+        share = 1.0
         for j in range(size):
-            a, b = first + i, first + j
-            cross = h[0, a] * pi[0, b] + h[1, a] * pi[1, b] + h[2, a] * pi[2, b]
-            block[i, j] = ((1.0 if i == j else 0.0) - cross) / weight[b]
-        share *= block[i, i] * weight[first + i]
-    if not share > 1e-9 or not invert_symmetric(block, testing) > 1e-9:
-        testing[:, :] = 0.0
-    for i in range(size, 3):
-        testing[i, i] = 0.0
+            b = first + j
+            variance = 1.0 / weight[b]
+            for i in range(j + 1):
+                a = first + i
+                cross = h[0, a] * pi[0, b] + h[1, a] * pi[1, b] + h[2, a] * pi[2, b]
+                testing[u, i, j] = ((1.0 if i == j else 0.0) - cross) * variance
+            share *= testing[u, j, j] * weight[b]
+        middle = testing[u, 1, 1] if size > 1 else 1.0
+        last = testing[u, 2, 2] if size > 2 else 1.0
+        good, xx, xy, xz, yy, yz, zz = invert_symmetric(
+            testing[u, 0, 0], testing[u, 0, 1], testing[u, 0, 2], middle, testing[u, 1, 2], last
+        )
+        if not share > 1e-9 or not good > 1e-9:
+            xx = xy = xz = yy = yz = zz = 0.0
+        testing[u, 0, 0], testing[u, 0, 1], testing[u, 0, 2] = xx, xy, xz
+        testing[u, 1, 0], testing[u, 1, 1], testing[u, 1, 2] = xy, yy if size > 1 else 0.0, yz
+        testing[u, 2, 0], testing[u, 2, 1], testing[u, 2, 2] = xz, yz, zz if size > 2 else 0.0
 
 
 @kernel(reduction=True, inline=True)
@@ -248,11 +257,17 @@ def axis_statistics(
     tuple
         The largest F, and its place.
     """
-    best = -1.0
     for a in range(count):
         ratio[a] = f[a] * f[a] * testing[a]
-    for a in range(count):
-        best = max(best, ratio[a])
+    # four at a time: a comparison need not wait for the one before
+    p = q = r = s = -1.0
+    fours = count - count % 4
+    for a in range(0, fours, 4):
+        p, q = max(p, ratio[a]), max(q, ratio[a + 1])
+        r, s = max(r, ratio[a + 2]), max(s, ratio[a + 3])
+    for a in range(fours, count):
+        p = max(p, ratio[a])
+    best = max(max(p, q), max(r, s))
     where = 0
     while where < count - 1 and ratio[where] != best:
         where += 1
@@ -317,6 +332,7 @@ def worst_unit(f: FloatArray, bounds: IntArray, unit_testing: FloatArray) -> tup
         size = bounds[u + 1] - bounds[u]
         if 0 < size < 4:
             value = unit_statistic(f, bounds[u], size, unit_testing, u)
-            if value > best:
-                best, which = value, u
+            # without a branch: which unit is the worst cannot be foreseen
+            which = u if value > best else which
+            best = max(best, value)
     return best, which

@@ -50,24 +50,24 @@ def working_variances(
     count = 0
     for m in range(variance.size):
         working[m] = max(variance[m], level)
-    if scatter <= 0.0:
+        count += use[m]
+    if scatter <= 0.0 or count < 4:
         return
     for m in range(variance.size):
         if use[m]:
             value = np.log(working[m])
+            working[m] = value
             mean += value
             square += value * value
-            count += 1
-    if count < 4:
-        return
     mean /= count
     spread = square / count - mean * mean
     # three of `count` degrees of freedom go into the mean and the comparison
     chance = scatter * (count - 3.0) / count
     keep = 1.0 - chance / spread if spread > chance else 0.0
+    together = np.exp(mean)
     for m in range(variance.size):
         if use[m]:
-            working[m] = np.exp(mean + keep * (np.log(working[m]) - mean))
+            working[m] = np.exp(mean + keep * (working[m] - mean)) if keep > 0.0 else together
 
 
 @kernel()
@@ -90,16 +90,20 @@ def median_of(values: FloatArray, use: BoolArray, work: FloatArray) -> float:
     """
     count = 0
     for m in range(values.size):
-        if use[m]:
-            place = count
-            while place > 0 and work[place - 1] > values[m]:
-                work[place] = work[place - 1]
-                place -= 1
-            work[place] = values[m]
-            count += 1
+        count += use[m]
     if count == 0:
         return 0.0
-    return float(0.5 * (work[count // 2] + work[(count - 1) // 2]))
+    # the smaller half in order; every place is found without asking where the value belongs
+    half = count // 2
+    for place in range(half + 1):
+        work[place] = np.inf
+    for m in range(values.size):
+        if use[m]:
+            value = values[m]
+            for place in range(half, 0, -1):
+                work[place] = max(work[place - 1], min(work[place], value))
+            work[0] = min(work[0], value)
+    return float(0.5 * (work[half] + work[(count - 1) // 2]))
 
 
 @kernel(inline=True)
@@ -128,10 +132,13 @@ def load_sample(
     y : (M,) ndarray
         Filled in place.
     """
-    # the look-up is cheaper than a second loop for the case that all axes are in use
-    for a in range(count):
-        m = active[a]
-        y[a] = measurements[t, m] - bias[m]
+    if count == bias.size:
+        for m in range(count):
+            y[m] = measurements[t, m] - bias[m]
+    else:
+        for a in range(count):
+            m = active[a]
+            y[a] = measurements[t, m] - bias[m]
     if arm_tensor.shape[0] > 0:
         for c in range(9):
             value = arm_tensor[t, c]
@@ -262,11 +269,11 @@ def follow_variances(
     middle = (1.0 - 2.0 * number / (9.0 * samples)) ** 3
     level = median_of(ratio, use, work) / middle
     level = min(max(level, 0.25), 4.0)
+    together, whole, inverse = 1.0 + common * (level - 1.0), adaptation / block, 1.0 / level
     for m in range(variance.size):
         if use[m] and seen[m] > 0.0:
-            share = adaptation * seen[m] / block
-            own = 1.0 + share * (ratio[m] / level - 1.0)
-            variance[m] *= (1.0 + common * (level - 1.0)) * own
+            own = 1.0 + whole * seen[m] * (ratio[m] * inverse - 1.0)
+            variance[m] *= together * own
 
 
 @kernel()
@@ -482,7 +489,8 @@ def follow(
             working_variances(variance, use, level, scatter, working)
         else:
             working[:] = given[b]
-        variances[b] = working
+        for m in range(total):
+            variances[b, m] = working[m]
         motion = max(mean_extra, extra[start]) if with_extra else 0.0
         for m in range(total):
             working[m] += motion
@@ -496,11 +504,12 @@ def follow(
             unit_statistics[start:stop] = np.nan
             axis_suspect[start:stop] = unit_suspect[start:stop] = -1
             continue
-        covariance[b, 0], covariance[b, 1], covariance[b, 2] = inverse[0]
+        covariance[b, 0], covariance[b, 1] = inverse[0, 0], inverse[0, 1]
+        covariance[b, 2] = inverse[0, 2]
         covariance[b, 3], covariance[b, 4] = inverse[1, 1], inverse[1, 2]
         covariance[b, 5] = inverse[2, 2]
-        sums[:] = 0.0
-        squares[:] = 0.0
+        for a in range(count):
+            sums[a] = squares[a] = 0.0
         whole = 0
         mean_extra = float(np.mean(extra[start:stop])) if with_extra else 0.0
         for t in range(start, stop):
@@ -594,8 +603,8 @@ def follow(
             if gauge_count > 0:
                 gain = max(bias_gain, block / known if b >= learning else 0.0)
                 for m in range(total):
-                    doubt = motion * block / working[m]
-                    trust[m] = 1.0 / (1.0 + doubt) if worst[m] < 0.25 else 0.0
+                    sure = working[m] / (working[m] + motion * block) if motion > 0.0 else 1.0
+                    trust[m] = sure if worst[m] < 0.25 else 0.0
                 follow_biases(means, trust, gain, axes, gauge, gauge_count, bias)
         smoothed[b] = 0.0
         if scales == 0 or b < learning:
