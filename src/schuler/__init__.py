@@ -36,6 +36,13 @@ if TYPE_CHECKING:
     from schuler.fuse.fault_settings import FaultSettings
     from schuler.fuse.faults import FaultDetection, detect_faults
     from schuler.fuse.geometry import Geometry
+    from schuler.fuse.lasting_faults import (
+        HealthyMotion,
+        LastingFaults,
+        LastingFaultSettings,
+        detect_lasting_faults,
+        learn_healthy_motion,
+    )
     from schuler.fuse.reading import read_array
     from schuler.fuse.synthetic import SyntheticImu, synthesize
     from schuler.fuse.volatility import averaged_volatility
@@ -163,6 +170,13 @@ _HOMES = {
     "schuler.fuse.fault_settings": ("FaultSettings",),
     "schuler.fuse.faults": ("FaultDetection", "detect_faults"),
     "schuler.fuse.geometry": ("Geometry",),
+    "schuler.fuse.lasting_faults": (
+        "HealthyMotion",
+        "LastingFaultSettings",
+        "LastingFaults",
+        "detect_lasting_faults",
+        "learn_healthy_motion",
+    ),
     "schuler.fuse.synthetic": ("SyntheticImu", "synthesize"),
     "schuler.fuse.volatility": ("averaged_volatility",),
     "schuler.navigate": ("navigate", "navigate_array"),
@@ -205,12 +219,15 @@ __all__ = [
     "GnssRecording",
     "GnssWeighting",
     "Heading",
+    "HealthyMotion",
     "Identification",
     "ImuArray",
     "ImuCharacterization",
     "ImuMethodComparison",
     "ImuRecording",
     "Innovations",
+    "LastingFaultSettings",
+    "LastingFaults",
     "Magnetometer",
     "MeasurementOptions",
     "MethodComparison",
@@ -254,6 +271,7 @@ __all__ = [
     "compare_methods_imu",
     "denoise",
     "detect_faults",
+    "detect_lasting_faults",
     "error_models",
     "evaluate_outages",
     "fast_orthogonal_search",
@@ -267,6 +285,7 @@ __all__ = [
     "fit_maximum_likelihood",
     "identify",
     "kalibr_yaml",
+    "learn_healthy_motion",
     "ljung_box_test",
     "navigate",
     "navigate_array",

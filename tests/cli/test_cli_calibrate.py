@@ -80,3 +80,28 @@ def test_a_check_that_fails_and_input_that_cannot_be(
         f"{k / 100},{k % 7},{k % 5},{k % 3}\n" for k in range(50)))  # fmt: skip
     assert "1 IMU in one.csv" in call("calibrate", one).one_line()
     assert call("calibrate", folder / "array.parquet", "--bandwidth", "80").code == 2
+
+
+def test_lasting_faults_are_told_from_motion_by_a_healthy_recording(
+    folder: Path, tmp_path: Path, call: Callable[..., Outcome]
+) -> None:
+    file, board, page = folder / "array.parquet", tmp_path / "a.yaml", tmp_path / "f.html"
+    assert call("calibrate", file, "--out", board).code == 0
+    told = ("--calibration", board, "--healthy", file)
+    done = call("faults", file, *told)
+    assert done.code == 0 and "no sensor is off" in done.out
+    bad = tmp_path / "bad.parquet"
+    frame = pl.read_parquet(file)
+    during = (frame["time_s"] >= 20.0) & (frame["time_s"] < 23.0)
+    name = "imu3_gyro_z_rad_s"
+    frame.with_columns(pl.col(name) + 0.02 * during.cast(pl.Float64)).write_parquet(bad)
+    done = call("faults", bad, *told, "--report", page, "--json", tmp_path / "f.json")
+    assert done.code == 1
+    log = json.loads((tmp_path / "f.json").read_text())["log"]
+    assert {r["name"] for r in log} == {"bad imu3 z"}
+    # windows of a second: seen from the first that holds part of it to the last
+    assert 19.0 < log[0]["start"] < 20.5 and 22.5 < log[-1]["stop"] < 24.0
+    assert log[0]["size"] == pytest.approx(0.02, rel=0.15)
+    assert "Lasting faults in motion" in page.read_text()
+    done = call("faults", file, "--healthy", file)
+    assert done.code == 2 and "without a calibration" in done.one_line()

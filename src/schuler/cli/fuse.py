@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.data import ImuArray
     from schuler.fuse.faults import FaultDetection
+    from schuler.fuse.lasting_faults import LastingFaults
     from schuler.fuse.synthetic import SyntheticImu
 
 Files = Annotated[tuple[Path, ...], Parameter(name="FILES", negative=())]
@@ -114,7 +115,9 @@ def faults(
     /,
     *,
     calibration: Path | None = None,
-    false_alarm_rate: float = 0.001,
+    healthy: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
+    window: float = 1.0,
+    false_alarm_rate: float | None = None,
     exclusions_per_hour: float = 1e-3,
     scale_uncertainty: float = 0.0,
     delay_uncertainty: float = 0.0,
@@ -132,8 +135,15 @@ def faults(
         One file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
     calibration : Path, optional
         Calibration of the array as YAML, from `schuler calibrate`.
-    false_alarm_rate : float
-        Probability that a sample without fault counts as inconsistent.
+    healthy : tuple of Path
+        Recordings of the same array without faults, each a file or a folder. With a calibration,
+        offsets of the gyros over windows are then compared with what they are in motion of the
+        same kind: for arrays that turn fast. Give --healthy once for each.
+    window : float
+        Length of these windows, s.
+    false_alarm_rate : float, optional
+        Probability that a sample (0.001), or a window (0.01), without fault counts as
+        inconsistent.
     exclusions_per_hour : float
         Healthy sensors that may be taken out in an hour.
     scale_uncertainty : float
@@ -157,41 +167,97 @@ def faults(
     from schuler.cli.provenance import command_provenance
     from schuler.scale.progress import progress
 
-    inputs = (*files, *((calibration,) if calibration else ()))
+    inputs = (*files, *healthy, *((calibration,) if calibration else ()))
     outputs = Outputs(report, json, inputs=inputs)
-    array = load_array(files, calibration, clocks, reading)
-    say_when_compiling()
-    with progress("Looking for faults"):
+    found: FaultDetection | LastingFaults
+    if healthy:
+        found, used = _faults_in_motion(
+            files, healthy, calibration, window, false_alarm_rate, clocks, reading
+        )
+    else:
         from schuler.fuse.fault_settings import FaultSettings
-        from schuler.fuse.faults import detect_faults
         from schuler.fuse.online import OnlineSettings
 
+        array = load_array(files, calibration, clocks, reading)
+        rate = 0.001 if false_alarm_rate is None else false_alarm_rate
         settings = FaultSettings(
-            false_alarm_rate=false_alarm_rate,
+            false_alarm_rate=rate,
             exclusions_per_hour=exclusions_per_hour,
             scale_uncertainty=scale_uncertainty,
             delay_uncertainty=delay_uncertainty,
             online=OnlineSettings(learning=learning),
         )
-        found = detect_faults(array, settings)
-    origin = command_provenance(
-        inputs=inputs,
-        settings={
-            "false_alarm_rate": false_alarm_rate,
+        say_when_compiling()
+        with progress("Looking for faults"):
+            from schuler.fuse.faults import detect_faults
+
+            found = detect_faults(array, settings)
+        used = {
+            "false_alarm_rate": rate,
             "exclusions_per_hour": exclusions_per_hour,
             "scale_uncertainty": scale_uncertainty,
             "delay_uncertainty_s": delay_uncertainty,
-        },
-    )
+        }
+    origin = command_provenance(inputs=inputs, settings=used)
     if report is not None:
         from schuler.report import render_report
 
-        page = render_report(found, title=f"Faults of {array.count} IMUs", provenance=origin)
+        page = render_report(found, title=f"Faults of {len(found.names)} IMUs", provenance=origin)
         outputs.text(report, lambda: page)
     outputs.text(json, lambda: json_text(found.to_dict() | {"provenance": origin.to_dict()}))
     written = outputs.commit()
-    show_faults(Screen(json_on_stdout=json == STDOUT), found, written)
+    screen = Screen(json_on_stdout=json == STDOUT)
+    _show_either(screen, found, written)
     return 0 if found.healthy else 1
+
+
+def _show_either(
+    screen: Screen, found: FaultDetection | LastingFaults, written: tuple[Path, ...]
+) -> None:
+    from schuler.fuse.faults import FaultDetection
+
+    if isinstance(found, FaultDetection):
+        show_faults(screen, found, written)
+    else:
+        show_lasting_faults(screen, found, written)
+
+
+def _faults_in_motion(
+    files: tuple[Path, ...],
+    healthy: tuple[Path, ...],
+    calibration: Path | None,
+    window: float,
+    false_alarm_rate: float | None,
+    clocks: Clocks,
+    reading: ImuReading | None,
+) -> tuple[LastingFaults, dict[str, Any]]:
+    """Learn from the healthy recordings, and look at the files."""
+    from schuler.errors import InputError
+    from schuler.fuse.calibration.result import ArrayCalibration
+    from schuler.fuse.lasting_faults import (
+        LastingFaultSettings,
+        detect_lasting_faults,
+        learn_healthy_motion,
+    )
+    from schuler.scale.progress import progress
+
+    if calibration is None:
+        raise InputError(
+            "healthy recordings without a calibration of the array",
+            expected="the file that schuler calibrate wrote",
+            cure="give it with --calibration",
+        )
+    rate = 0.01 if false_alarm_rate is None else false_alarm_rate
+    settings = LastingFaultSettings(window=window, step=0.25 * window, false_alarm_rate=rate)
+    board = ArrayCalibration.load(calibration)
+    array = load_array(files, None, clocks, reading)
+    board.check_fits(array)
+    others = [load_array((one,), None, clocks, reading) for one in healthy]
+    with progress("Learning what is healthy"):
+        normal = learn_healthy_motion(board, others, settings)
+    with progress("Looking for faults"):
+        found = detect_lasting_faults(board, array, normal)
+    return found, {"window_s": window, "false_alarm_rate": rate}
 
 
 def load_array(
@@ -312,5 +378,53 @@ def show_faults(screen: Screen, found: FaultDetection, written: tuple[Path, ...]
         )
     columns = ("sensor", "inconsistent", "inconsistent", "single spikes", "least used axis")
     screen.table(columns, rows)
+    for path in written:
+        screen.line(f"wrote {path}")
+
+
+def show_lasting_faults(
+    screen: Screen, found: LastingFaults, written: tuple[Path, ...] = ()
+) -> None:
+    """Print the log of lasting faults, and what could be found in which motion.
+
+    Parameters
+    ----------
+    screen : Screen
+        Terminal.
+    found : LastingFaults
+        What was found.
+    written : tuple of Path
+        Files that were written.
+    """
+    from schuler.fuse.lasting_faults import TITLES
+    from schuler.report.numbers import number
+    from schuler.units import format_value
+
+    windows = found.statistic.size
+    length = found.normal.settings.window
+    screen.heading(
+        "Lasting faults of gyros", f"{len(found.names)} IMUs, {windows} windows of {length:g} s"
+    )
+    for line in found.limits:
+        screen.finding("info", line)
+    if not found.records:
+        screen.finding("good", "no sensor is off for a window or longer")
+    for record in found.records:
+        screen.finding("warning", record.text)
+    rows: list[tuple[str, ...]] = []
+    for motion, title in enumerate(TITLES):
+        inside = found.motion == motion
+        smallest = found.smallest_fault(motion)
+        if smallest is None:
+            continue
+        rows.append(
+            (
+                title,
+                str(int(inside.sum())),
+                f"{number(100.0 * float(found.alarm[inside].mean()))} %",
+                format_value(smallest, "angular rate", digits=2),
+            )
+        )
+    screen.table(("motion", "windows", "with an alarm", "found 95 times in 100"), rows)
     for path in written:
         screen.line(f"wrote {path}")

@@ -355,6 +355,28 @@ def sharpened_slope(
         numbers are taken from the 3 (k - 1) of each sample: residuals against it are smaller by
         sqrt((k - 2)/(k - 1)) for that alone.
     """
+    shown, weight = own_derivative(residual, relative_delay, slope, noise)
+    both = weight[:, None] * shown + (1.0 - weight[:, None]) * slope
+    return np.asarray(np.where(np.isfinite(both), both, slope))
+
+
+def own_derivative(
+    residual: FloatArray, relative_delay: FloatArray, slope: FloatArray, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivative that polled chips show between them, and what it is worth.
+
+    Parameters
+    ----------
+    residual, relative_delay, slope, noise
+        As in `sharpened_slope`.
+
+    Returns
+    -------
+    shown : (n, 3) ndarray
+        rad/s².
+    weight : (n,) ndarray
+        Share of `shown` in the best of it and `slope`, 0 to 1; all zero with too little motion.
+    """
     energy = np.sum(relative_delay**2, axis=1)
     spread = np.median(energy[energy > 0.0]) if (energy > 0.0).any() else 1.0
     energy = np.maximum(energy, 1e-3 * spread)
@@ -363,7 +385,7 @@ def sharpened_slope(
     size = np.linalg.norm(slope, axis=1)
     good = np.isfinite(size) & np.isfinite(shown).all(axis=1)
     if np.count_nonzero(good) < LEAST:
-        return slope
+        return shown, np.zeros(size.size)
     apart = np.linalg.norm(shown - slope, axis=1)[good]
     order = np.argsort(size[good])
     parts = np.array_split(order, 12)
@@ -371,6 +393,4 @@ def sharpened_slope(
     error = np.array([(np.median(apart[p]) / 1.5382) ** 2 for p in parts])
     error = np.maximum(error - np.median(own), 1e-3 * np.median(own))
     variance = np.interp(np.nan_to_num(size), middle, np.maximum.accumulate(error))
-    weight = (variance / (variance + own))[:, None]
-    both = weight * shown + (1.0 - weight) * slope
-    return np.asarray(np.where(np.isfinite(both), both, slope))
+    return shown, np.asarray(variance / (variance + own))

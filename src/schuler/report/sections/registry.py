@@ -22,6 +22,7 @@ _HOMES = {
     "schuler.navigate.observability_run": "observability",
     "schuler.fuse.synthetic": "sensor_arrays",
     "schuler.fuse.faults": "sensor_arrays",
+    "schuler.fuse.lasting_faults": "lasting_faults",
     "schuler.fuse.geometry": "sensor_arrays",
     "schuler.fuse.merit": "sensor_arrays",
     "schuler.studies.reproduction": "reproduction",
