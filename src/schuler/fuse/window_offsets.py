@@ -111,7 +111,8 @@ def calibrated_rates(calibration: ArrayCalibration, array: ImuArray) -> Calibrat
         Of the same IMUs, from another recording or this one.
     array : ImuArray
         In the sensors' own axes. Biases come from its rests, with a line through them in time
-        (without rest, their differences from the medians), constant delays or sampling phases of polled chips from its motion.
+        (without rest, their differences from the medians); constant delays or sampling phases of
+        polled chips from its motion.
 
     Returns
     -------
@@ -144,7 +145,7 @@ def calibrated_rates(calibration: ArrayCalibration, array: ImuArray) -> Calibrat
         residual = residual + delay[..., None] * np.nan_to_num(slope)[:, None]
     rests = find_rests(array)
     if rests.count > 1:
-        drift = _drift(array.time, residual, rests.pose, present.all(axis=1))
+        drift = _drift(array.time, residual, rests.pose, np.asarray(present.all(axis=1)))
         residual = np.where(present[..., None], residual - drift, 0.0)
     elif rests.count == 0:
         level = level_of(np.where(present[..., None], residual, np.nan))
