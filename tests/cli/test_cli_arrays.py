@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from outcome import Outcome
 
+from schuler.fuse.calibration.result import ArrayCalibration
 from schuler.processes import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
 from schuler.rotations import dcm_from_euler
 from schuler.simulate import motorcycle, simulate_array, simulate_gnss
@@ -105,6 +106,78 @@ def test_observability_says_what_is_hidden(
     )  # fmt: skip
     assert alone.code == 0, alone.err
     assert "Nothing is hidden" in alone.out
+
+
+def board(path: Path, count: int = 2) -> Path:
+    """The calibration of the array as it was made: turned, 0.1 m from the middle, one biased."""
+    turned = np.stack([dcm_from_euler(0.0, 0.0, np.radians(a)) for a in (0.0, YAW)])
+    nominal = turned[np.arange(count) % 2]
+    triad, zero = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    ArrayCalibration(
+        names=tuple(f"imu{i + 1}" for i in range(count)), nominal=nominal,
+        gyro_sensor=nominal.transpose(0, 2, 1), gyro_deviation_sd=triad,
+        gyro_bias=zero, gyro_bias_sd=zero,
+        accel_sensor=nominal.transpose(0, 2, 1), accel_deviation_sd=triad,
+        accel_bias=zero, accel_bias_sd=zero,
+        position=np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]])[np.arange(count) % 2],
+        position_sd=zero, delay=np.zeros(count), delay_sd=np.zeros(count), period=None,
+        beat=np.zeros(count), noise=1e-3,
+    ).save(path)  # fmt: skip
+    return path
+
+
+def calibrated(drive: dict[str, Path], calibration: Path | None, *more: str) -> list[str]:
+    """Without --mount."""
+    given = ["--calibration", str(calibration)] if calibration else []
+    return [
+        "--array", str(drive["imu1"]), "--array", str(drive["imu2"]), "--lever-arm", LEVER,
+        "--gnss", str(drive["gnss"]), "--noise", str(drive["noise"]), "--time-offset", "0",
+        *given, *more,
+    ]  # fmt: skip
+
+
+def test_a_calibration_takes_the_place_of_the_mounting(
+    drive: dict[str, Path], call: Call, tmp_path: Path
+) -> None:
+    yaml, out = board(tmp_path / "board.yaml"), tmp_path / "one.json"
+    found = []
+    for args in (arguments(drive), calibrated(drive, yaml), calibrated(drive, None)):
+        done = call("navigate", *args, "--mechanization", "synthetic", "--json", str(out))
+        assert done.code == 0, done.err
+        found.append(json.loads(out.read_text(encoding="utf-8")))
+    mounted, told, untold = (f["causal"]["last_position_rad_m"] for f in found)
+    metres = np.array([6.37e6, 4.5e6, 1.0])
+    away = [np.linalg.norm((np.array(p) - mounted) * metres) for p in (told, untold)]
+    # sensors of equal noise on every axis: the axes they are written in make no difference
+    assert away[0] < 1e-3
+    assert away[1] > 0.05
+    seen = tmp_path / "seen.json"
+    done = call("observability", *calibrated(drive, yaml), "--json", str(seen))
+    assert done.code == 0, done.err
+    ranks = [f["rank"] for f in json.loads(seen.read_text(encoding="utf-8"))["filters"]]
+    done = call("observability", *arguments(drive), "--json", str(seen))
+    assert ranks == [f["rank"] for f in json.loads(seen.read_text(encoding="utf-8"))["filters"]]
+
+
+@pytest.mark.parametrize("verb", ["navigate", "observability"])
+def test_a_calibration_that_does_not_fit_is_one_line(
+    drive: dict[str, Path], call: Call, tmp_path: Path, verb: str
+) -> None:
+    three = board(tmp_path / "three.yaml", 3)
+    for args, words in (
+        (calibrated(drive, three), "a calibration of 3 IMUs and an array of 2"),
+        (calibrated(drive, tmp_path / "none.yaml"), "none.yaml"),
+        (calibrated(drive, drive["noise"]), "noise.yaml"),
+        (arguments(drive, "--calibration", str(three)), "--mount and --calibration together"),
+        (arguments(drive, "--update", "huber"), "--update, --adaptive or --gnss-correlated"),
+    ):
+        done = call(verb, *args)
+        assert done.code == 2
+        assert words in done.one_line()
+    alone = ("--imu", str(drive["imu1"]), "--gnss", str(drive["gnss"]))
+    done = call(verb, *alone, "--calibration", str(three))
+    assert done.code == 2
+    assert "--calibration without --array" in done.one_line()
 
 
 @pytest.mark.parametrize(

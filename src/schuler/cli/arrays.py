@@ -36,6 +36,8 @@ class ArrayOptions:
         ROLL,PITCH,YAW[,X,Y,Z] of an IMU, in the order of the array: deg that turn the axes of the
         body into those of the IMU, and its place on the body in m. Given once for each IMU; all
         are aligned with the body if left out.
+    calibration : Path, optional
+        Calibration of the array as YAML, from `schuler calibrate`; takes the place of --mount.
     mechanization : str
         single, synthetic, extended, constrained or system; all compares them.
     parity : bool
@@ -48,9 +50,15 @@ class ArrayOptions:
 
     array: Annotated[tuple[Path, ...], Parameter(negative=())] = ()
     mount: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    calibration: Path | None = None
     mechanization: str = "extended"
     parity: bool = True
     window: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that are read."""
+        return (*self.array, *((self.calibration,) if self.calibration else ()))
 
 
 def load_array_drive(
@@ -61,7 +69,7 @@ def load_array_drive(
     Parameters
     ----------
     options : ArrayOptions
-        Files and mounting.
+        Files, mounting and calibration.
     gnss : Path
         File or folder.
     reading : DriveReading
@@ -75,15 +83,16 @@ def load_array_drive(
     Raises
     ------
     InputError
-        Mountings for another number of IMUs; anything wrong with a file.
+        Mountings or a calibration for another number of IMUs, or both; anything wrong with a file.
     """
-    from schuler.cli.loading import load_gnss
+    from schuler.cli.loading import load_array, load_gnss
     from schuler.cli.navigate import require_deviations
-    from schuler.fuse.reading import read_array
-    from schuler.scale.progress import progress
 
-    with progress("Reading the array"):
-        array = read_array(list(options.array), **reading.imu_options())
+    if options.mount and options.calibration is not None:
+        raise InputError(
+            "--mount and --calibration together", expected="one of them: both say how IMUs sit"
+        )
+    array = load_array(options.array, options.calibration, reading.imu_options())
     if options.mount:
         array = replace(array, mounting=parse_mounting(options.mount, array.count))
     fixes = load_gnss(gnss, reading.gnss_options())
@@ -187,7 +196,7 @@ def navigate_arrays(
     from schuler.scale.progress import progress
 
     out, report, json = files
-    inputs = (*options.array, gnss, *((noise,) if noise else ()))
+    inputs = (*options.files, gnss, *((noise,) if noise else ()))
     outputs = Outputs(out, report, json, inputs=inputs)
     if out is not None:
         check_trajectory_name(out)
@@ -273,7 +282,7 @@ def _compare(
             comparison,
             title=f"Mechanizations of {title}",
             provenance=command_provenance(
-                inputs=(*options.array,), settings=comparison.prepared.setup.to_dict()
+                inputs=options.files, settings=comparison.prepared.setup.to_dict()
             ),
         )
         outputs.text(report, lambda: page)
@@ -356,7 +365,7 @@ def observability(
 
     options = several or ArrayOptions()
     require_one(imu, options)
-    files = options.array if imu is None else (imu,)
+    files = options.files if imu is None else (imu,)
     inputs = (*files, gnss, *((noise,) if noise else ()))
     outputs = Outputs(report, json, inputs=inputs)
     told = known or RunOptions()
@@ -395,6 +404,8 @@ def require_one(imu: Path | None, options: ArrayOptions) -> None:
             "no IMU" if imu is None else "--imu and --array together",
             expected="--imu FILE, or --array FILE (may be repeated)",
         )
+    if imu is not None and options.calibration is not None:
+        raise InputError("--calibration without --array", expected="both")
 
 
 def show_observability(

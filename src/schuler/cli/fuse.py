@@ -73,14 +73,14 @@ def fuse(
         How to read the files.
     """
     from schuler.cli.console import Screen
-    from schuler.cli.loading import say_when_compiling
+    from schuler.cli.loading import load_array, say_when_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.scale.progress import progress
 
     inputs = (*files, *((calibration,) if calibration else ()))
     outputs = Outputs(out, noise_out, report, json, inputs=inputs)
-    array = load_array(files, calibration, clocks, reading)
+    array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
     say_when_compiling()
     with progress("Fusing"):
         from schuler.fuse.fault_settings import FaultSettings
@@ -162,7 +162,7 @@ def faults(
         How to read the files.
     """
     from schuler.cli.console import Screen
-    from schuler.cli.loading import say_when_compiling
+    from schuler.cli.loading import load_array, say_when_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
     from schuler.scale.progress import progress
@@ -178,7 +178,7 @@ def faults(
         from schuler.fuse.fault_settings import FaultSettings
         from schuler.fuse.online import OnlineSettings
 
-        array = load_array(files, calibration, clocks, reading)
+        array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
         rate = 0.001 if false_alarm_rate is None else false_alarm_rate
         settings = FaultSettings(
             false_alarm_rate=rate,
@@ -232,6 +232,7 @@ def _faults_in_motion(
     reading: ImuReading | None,
 ) -> tuple[LastingFaults, dict[str, Any]]:
     """Learn from the healthy recordings, and look at the files."""
+    from schuler.cli.loading import load_array
     from schuler.errors import InputError
     from schuler.fuse.calibration.result import ArrayCalibration
     from schuler.fuse.lasting_faults import (
@@ -250,50 +251,15 @@ def _faults_in_motion(
     rate = 0.01 if false_alarm_rate is None else false_alarm_rate
     settings = LastingFaultSettings(window=window, step=0.25 * window, false_alarm_rate=rate)
     board = ArrayCalibration.load(calibration)
-    array = load_array(files, None, clocks, reading)
+    how = (reading or ImuReading()).options()
+    array = load_array(files, None, how, clocks)
     board.check_fits(array)
-    others = [load_array((one,), None, clocks, reading) for one in healthy]
+    others = [load_array((one,), None, how, clocks) for one in healthy]
     with progress("Learning what is healthy"):
         normal = learn_healthy_motion(board, others, settings)
     with progress("Looking for faults"):
         found = detect_lasting_faults(board, array, normal)
     return found, {"window_s": window, "false_alarm_rate": rate}
-
-
-def load_array(
-    files: tuple[Path, ...], calibration: Path | None, clocks: Clocks, reading: ImuReading | None
-) -> ImuArray:
-    """Read an array, calibrated when a calibration is given.
-
-    Parameters
-    ----------
-    files : tuple of Path
-        As the commands take them.
-    calibration : Path or None
-        YAML file.
-    clocks : str
-        As the commands take it.
-    reading : ImuReading or None
-        How to read the files.
-
-    Returns
-    -------
-    ImuArray
-        In the body when calibrated.
-    """
-    from schuler.errors import InputError
-    from schuler.fuse.calibration.result import ArrayCalibration
-    from schuler.fuse.reading import read_array
-    from schuler.scale.progress import progress
-
-    if not files:
-        raise InputError("no file of an array", expected="at least one")
-    how = (reading or ImuReading()).options()
-    with progress(f"Reading {', '.join(f.name for f in files)}"):
-        array = read_array(files if len(files) != 1 else files[0], clocks=clocks, **how)
-        if calibration is not None:
-            array = ArrayCalibration.load(calibration).apply(array)
-    return array
 
 
 def show_synthetic(

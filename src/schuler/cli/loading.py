@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from schuler.cli.console import say
-from schuler.errors import InputError
+from schuler.errors import InputError, SchulerError
 from schuler.scale.progress import progress
 
 if TYPE_CHECKING:
+    from schuler.data.array import ImuArray
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
     from schuler.processes.noise_model import NoiseModel
@@ -56,6 +57,52 @@ def load_gnss(path: Path, how: dict[str, Any]) -> GnssRecording:
 
     with progress(f"Reading {path.name}"):
         return read_gnss(path, **how)
+
+
+def load_array(
+    files: tuple[Path, ...],
+    calibration: Path | None,
+    how: dict[str, Any],
+    clocks: Literal["auto", "shared", "own"] = "auto",
+) -> ImuArray:
+    """Read an array, calibrated when a calibration is given.
+
+    Parameters
+    ----------
+    files : tuple of Path
+        As the commands take them.
+    calibration : Path or None
+        YAML file of `schuler calibrate`.
+    how : dict
+        Options of the reader.
+    clocks : str
+        As the commands take it.
+
+    Returns
+    -------
+    ImuArray
+        In the body when calibrated.
+
+    Raises
+    ------
+    InputError
+        No file; a calibration of another array.
+    """
+    from schuler.fuse.calibration.result import ArrayCalibration
+    from schuler.fuse.reading import read_array
+
+    if not files:
+        raise InputError("no file of an array", expected="at least one")
+    with progress(f"Reading {', '.join(f.name for f in files)}"):
+        array = read_array(files if len(files) != 1 else files[0], clocks=clocks, **how)
+        if calibration is not None:
+            try:
+                array = ArrayCalibration.load(calibration).apply(array)
+            except SchulerError as error:
+                if str(calibration) in str(error):
+                    raise
+                raise error.at(str(calibration)) from None
+    return array
 
 
 def load_noise(path: Path | None) -> NoiseModel | None:
