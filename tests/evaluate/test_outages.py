@@ -209,6 +209,49 @@ def test_an_outage_is_judged_at_the_antenna_with_both_uncertainties(
     assert window.time[-1] == pytest.approx(69.0)
 
 
+def test_wrong_fixes_and_breaks_are_no_truth() -> None:
+    # everything is 5 m off; in the window two fixes lie a kilometre away, and from 60.5 to 64.5 s
+    # nothing was solved
+    solution, gnss = made_up(2.1, (0.0, 0.0, 0.0))
+    how = {"lever_arm": np.zeros(3), "time_offset": 0.0, "sd_factor": 0.5}
+    plain = judge_window(solution, gnss, (50.0, 20.0), **how)  # type: ignore[arg-type]
+    assert plain.time.size == 20
+    since = gnss.time - gnss.time[0]
+    position = np.array(gnss.position)
+    spoiled = np.isclose(since, 55.0) | np.isclose(since, 56.0)
+    position[spoiled, 0] += 1000.0 / 6.37e6
+    path = solution.trajectory
+    held = (path.time < gnss.time[0] + 60.5) | (path.time > gnss.time[0] + 64.5)
+    broken = replace(
+        solution,
+        trajectory=replace(
+            path,
+            time=path.time[held],
+            position=path.position[held],
+            velocity=path.velocity[held],
+            rotation=path.rotation[held],
+        ),
+        position_covariance=solution.position_covariance[held],
+        velocity_sd=solution.velocity_sd[held],
+        attitude_sd=solution.attitude_sd[held],
+    )
+    window = judge_window(
+        broken,
+        replace(gnss, position=position),
+        (50.0, 20.0),
+        **how,  # type: ignore[arg-type]
+    )
+    left_out = [55.0, 56.0, 61.0, 62.0, 63.0, 64.0]
+    kept = [t for t in np.arange(50.0, 70.0) if t not in left_out]
+    np.testing.assert_allclose(window.time, kept)
+    np.testing.assert_allclose(window.error_ned[:, :2], [[3.0, -4.0]] * len(kept), atol=1e-4)
+    assert window.max_m == pytest.approx(5.0, abs=1e-4)
+    assert window.within_2_sigma == 1.0
+    # a window in which nothing can be judged is said, not counted as perfect
+    with pytest.raises(SchulerError, match="no GNSS epoch to compare"):
+        judge_window(broken, gnss, (61.0, 3.0), **how)  # type: ignore[arg-type]
+
+
 def window_of(start: float, errors: list[float], covered: float) -> OutageWindow:
     size = len(errors)
     error = np.zeros((size, 3))
