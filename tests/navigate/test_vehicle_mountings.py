@@ -1,4 +1,4 @@
-"""The IMU may sit in the vehicle in any way: on its head, across, on end. Nothing of it is given."""
+"""The IMU may sit in the vehicle in any way: on its head, across, on end. None of it is given."""
 
 from __future__ import annotations
 
