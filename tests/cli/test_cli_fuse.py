@@ -77,3 +77,34 @@ def test_one_imu_is_refused_in_one_line(call, folder) -> None:
     outcome = call("fuse", str(folder / "imu1.parquet"))
     assert outcome.code == 2 and "at least two IMUs" in outcome.one_line()
     assert call("faults", str(folder / "none.parquet")).code == 2
+
+
+def test_imus_that_are_not_turned_onto_common_axes_are_refused_with_the_cure(
+    call, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(2)
+    time = np.arange(3000) / 100.0
+    down = [[0.0, 0.0, -9.8], [0.0, 0.0, 9.8], [0.0, 0.0, -9.8], [0.0, 9.8, 0.0]]
+    for k, force in enumerate(down):
+        gyro = 1e-3 * rng.standard_normal((3000, 3))
+        accel = 0.02 * rng.standard_normal((3000, 3)) + force
+        ImuRecording(time, gyro, accel).to_parquet(tmp_path / f"imu{k + 1}.parquet")
+    for verb in ("fuse", "faults"):
+        outcome = call(verb, str(tmp_path))
+        assert outcome.code == 2
+        assert "2 of 4 IMUs" in outcome.err and "imu2 is 180 deg away" in outcome.err
+        assert "schuler calibrate" in outcome.err
+
+
+def test_one_imu_with_a_stuck_accelerometer_is_a_fault_and_no_question_of_axes(
+    call, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(3000) / 100.0
+    for k in range(4):
+        gyro = 1e-3 * rng.standard_normal((3000, 3))
+        accel = 0.02 * rng.standard_normal((3000, 3)) + [0.0, 0.0, -9.8]
+        if k == 2:
+            accel[:, 0] += 9.8
+        ImuRecording(time, gyro, accel).to_parquet(tmp_path / f"imu{k + 1}.parquet")
+    assert call("faults", str(tmp_path)).code in (0, 1)

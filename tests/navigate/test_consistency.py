@@ -10,10 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from twins import LEVER, draw_twin, navigation_errors, perfect
+from twins import LEVER, NOISE, draw_twin, navigation_errors, perfect
 
+from schuler.data import CHANNELS
 from schuler.navigate import run
+from schuler.navigate.aiding import VELOCITY
 from schuler.navigate.engine import FilterRun, gate_thresholds, run_engine
+from schuler.processes import RandomWalk, WhiteNoise
+from schuler.processes.noise_model import NoiseModel
 from schuler.simulate import Profile, antenna_motion, car_urban
 
 SEEDS = 50
@@ -200,3 +204,30 @@ def test_fixes_between_two_samples_are_used_where_they_belong(first_fix: float) 
     assert np.linalg.norm(path.velocity, axis=1).max() > 10.0
     assert np.abs(done.innovations.value[40:]).max() < 5e-3
     assert np.linalg.norm(e[late, :3], axis=1).max() < 5e-3
+
+
+def test_velocity_of_an_antenna_on_a_long_arm_is_judged_with_the_noise_of_the_gyros() -> None:
+    # one sample of these gyros turns an arm of 1.6 m by 0.05 m/s, as much as the receiver's noise:
+    # without it the mean would be near two
+    profile = car_urban(120.0, 3, standstill=20.0)
+    ideal = perfect(profile)
+    gyro = WhiteNoise(3e-3) + RandomWalk(2e-6, initial_sd=2e-3)
+    accel = NOISE.process("accel_x")
+    processes = {c: gyro if c.startswith("gyro") else accel for c in CHANNELS}
+    noise = NoiseModel(processes=processes, source="twin")
+    squares, degrees = 0.0, 0
+    for seed in range(6):
+        twin = draw_twin(profile, ideal, seed, noise=noise)
+        engine = run_engine(
+            twin.imu,
+            twin.setup.initial_state(twin.imu, twin.gnss),
+            twin.setup.model,
+            twin.setup.schedule(twin.imu, twin.gnss),
+            gate=gate_thresholds(0.0),
+        )
+        schedule = twin.setup.schedule(twin.imu, twin.gnss)
+        of_velocity = schedule.kind == VELOCITY
+        squares += float(engine.aiding.nis[of_velocity].sum())
+        degrees += int(engine.aiding.degrees[of_velocity].sum())
+    low, high = band(degrees, 0.999)
+    assert low < squares / degrees < high

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,9 +13,13 @@ from schuler.cli.reading import ImuReading
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.data import ImuArray
+    from schuler.fuse.fault_log import FaultRecord
     from schuler.fuse.faults import FaultDetection
-    from schuler.fuse.lasting_faults import LastingFaults
+    from schuler.fuse.lasting_faults import LastingFault, LastingFaults
     from schuler.fuse.synthetic import SyntheticImu
+
+# lines of a fault log on the terminal
+MOST_RECORDS = 12
 
 Files = Annotated[tuple[Path, ...], Parameter(name="FILES", negative=())]
 Clocks = Literal["auto", "shared", "own"]
@@ -76,11 +81,13 @@ def fuse(
     from schuler.cli.loading import load_array, say_when_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
+    from schuler.fuse.common_axes import require_common_axes
     from schuler.scale.progress import progress
 
     inputs = (*files, *((calibration,) if calibration else ()))
     outputs = Outputs(out, noise_out, report, json, inputs=inputs)
     array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
+    require_common_axes(array)
     say_when_compiling()
     with progress("Fusing"):
         from schuler.fuse.fault_settings import FaultSettings
@@ -175,10 +182,12 @@ def faults(
             files, healthy, calibration, window, false_alarm_rate, clocks, reading
         )
     else:
+        from schuler.fuse.common_axes import require_common_axes
         from schuler.fuse.fault_settings import FaultSettings
         from schuler.fuse.online import OnlineSettings
 
         array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
+        require_common_axes(array)
         rate = 0.001 if false_alarm_rate is None else false_alarm_rate
         settings = FaultSettings(
             false_alarm_rate=rate,
@@ -262,6 +271,14 @@ def _faults_in_motion(
     return found, {"window_s": window, "false_alarm_rate": rate}
 
 
+def _show_records(screen: Screen, records: Sequence[FaultRecord | LastingFault]) -> None:
+    for record in records[:MOST_RECORDS]:
+        screen.finding("info" if record.kind == "missing" else "warning", record.text)
+    if len(records) > MOST_RECORDS:
+        left = len(records) - MOST_RECORDS
+        screen.line(f"... and {left} more (--json or --report has all)", "dim")
+
+
 def show_synthetic(
     screen: Screen, array: ImuArray, done: SyntheticImu, written: tuple[Path, ...] = ()
 ) -> None:
@@ -302,8 +319,7 @@ def show_synthetic(
         rows.append(("", screen_line, "", ""))
     screen.table(("sensor", "IMU", "noise x y z (deg/s, m/s²)", "weight"), rows, words=3)
     if done.faults is not None:
-        for record in done.faults.records:
-            screen.finding("warning", record.text)
+        _show_records(screen, done.faults.records)
     for path in written:
         screen.line(f"wrote {path}")
 
@@ -327,8 +343,7 @@ def show_faults(screen: Screen, found: FaultDetection, written: tuple[Path, ...]
         screen.finding("info", line)
     if not found.records:
         screen.finding("good", "no sensor was taken out")
-    for record in found.records:
-        screen.finding("info" if record.kind == "missing" else "warning", record.text)
+    _show_records(screen, found.records)
     rows: list[tuple[str, ...]] = []
     for s in found.sensors:
         rate: Any = s.settings.false_alarm_rate
@@ -375,8 +390,7 @@ def show_lasting_faults(
         screen.finding("info", line)
     if not found.records:
         screen.finding("good", "no sensor is off for a window or longer")
-    for record in found.records:
-        screen.finding("warning", record.text)
+    _show_records(screen, found.records)
     rows: list[tuple[str, ...]] = []
     for motion, title in enumerate(TITLES):
         inside = found.motion == motion

@@ -40,6 +40,29 @@ def constraint_applies(
     return speed < standing + 3.0 * min(sd, 1.0)
 
 
+@kernel(inline=True)
+def add_rate_noise(
+    lever: Array, rotation: Array, white: Array, step: float, noise_variance: Array
+) -> None:
+    """Add what the gyros' noise of one sample puts into the velocity of an antenna, (3,).
+
+    The antenna moves by C (w x l), and w is one noisy sample: N^2/dt through -C [l x]. Left out,
+    a metre of lever arm at 200 Hz makes velocities look wrong that are right.
+    """
+    by_rate = np.empty((3, 3))
+    l0, l1, l2 = lever[0], lever[1], lever[2]
+    for i in range(3):
+        by_rate[i, 0] = rotation[i, 2] * l1 - rotation[i, 1] * l2
+        by_rate[i, 1] = rotation[i, 0] * l2 - rotation[i, 2] * l0
+        by_rate[i, 2] = rotation[i, 1] * l0 - rotation[i, 0] * l1
+    for i in range(3):
+        total = 0.0
+        for c in range(3):
+            for d in range(3):
+                total += by_rate[i, c] * white[1, c, d] * by_rate[i, d]
+        noise_variance[i] += total / step
+
+
 @kernel()
 def aiding_model(
     kind: int,
@@ -93,6 +116,8 @@ def aiding_model(
             residual,
             design,
         )
+        if kind == 1:
+            add_rate_noise(lever, rotation, white, step, noise_variance)
     elif kind == 2:
         acceleration, turn_variance = np.empty(3), np.empty(3)
         by_rate = np.zeros((3, 3))
