@@ -208,7 +208,7 @@ def test_fixes_between_two_samples_are_used_where_they_belong(first_fix: float) 
 
 def test_velocity_of_an_antenna_on_a_long_arm_is_judged_with_the_noise_of_the_gyros() -> None:
     # one sample of these gyros turns an arm of 1.6 m by 0.05 m/s, as much as the receiver's noise:
-    # without it the mean would be near two
+    # without it the mean was 1.32
     profile = car_urban(120.0, 3, standstill=20.0)
     ideal = perfect(profile)
     gyro = WhiteNoise(3e-3) + RandomWalk(2e-6, initial_sd=2e-3)
