@@ -30,6 +30,7 @@ from schuler.kernels.strapdown import (
 )
 from schuler.kernels.transition import correct_sample, move_sensor_states, sensor_transition
 from schuler.kernels.update import (
+    add_rate_noise,
     feed_back,
     innovation_statistics,
     measurement_model,
@@ -147,6 +148,7 @@ def separate_update(
     offset: Integers,
     used: NDArray[np.bool_],
     variance: float,
+    own: Array,
     covariance: Array,
     error: Array,
 ) -> None:
@@ -154,8 +156,8 @@ def separate_update(
 
     Block i uses the gain of a filter that knows its own covariance only; residual (k,), design
     (s,) the rows of all blocks one after the other. The covariance between the blocks follows
-    with the gains that are used: P <- (I - K H) P (I - K H)' + K r 1 1' K', as the noise of the
-    measurement is common to all.
+    with the gains that are used: P <- (I - K H) P (I - K H)' + K R K', where the noise of the
+    measurement is common to all, R = r 1 1', but for what each block adds of its `own` (k,).
     """
     n = covariance.shape[0]
     blocks = residual.size
@@ -181,7 +183,7 @@ def separate_update(
         innovation = residual[i]
         for a in range(begin, end):
             innovation -= design[a] * error[a]
-        inverse = 1.0 / (sums[i, i] + variance)
+        inverse = 1.0 / (sums[i, i] + variance + own[i])
         for a in range(begin, end):
             gain[a] = shared[a, i] * inverse
         for a in range(begin, end):
@@ -192,7 +194,8 @@ def separate_update(
         for b in range(a + 1):
             j = owner[b]
             value = covariance[a, b] - gain[a] * shared[b, i] - shared[a, j] * gain[b]
-            value += gain[a] * (sums[i, j] + variance) * gain[b]
+            common = variance + own[i] if i == j else variance
+            value += gain[a] * (sums[i, j] + common) * gain[b]
             covariance[a, b] = value
             covariance[b, a] = value
     for a in range(last, n):
@@ -340,6 +343,8 @@ def run_stacked(
     residual, deviation = np.empty(3), np.empty(3)
     many = np.empty((blocks, 3))
     block_residual = np.empty(blocks)
+    rate_noise, own = np.zeros((blocks, 3)), np.zeros(blocks)
+    rate_density, noise_variance = np.zeros((2, 3, 3)), np.empty(3)
     body_rate = np.empty((blocks, 3))
     design = np.zeros((3, size))
     wide = np.zeros((3, size))
@@ -506,6 +511,11 @@ def run_stacked(
                             many[i],
                             design[:, : 9 + b - a],
                         )
+                        rate_noise[i] = 0.0
+                        if kind == 1:
+                            for c in range(3):
+                                rate_density[1, c, c] = noise_now[i, 3 + c]
+                            add_rate_noise(lever[i], rotation[i], rate_density, step, rate_noise[i])
                         share = 1.0 if separate else weight[i]
                         for c in range(3):
                             residual[c] += share * many[i, c]
@@ -517,8 +527,15 @@ def run_stacked(
                             residual[:] = many[answer]
                             design[:, : offset[answer]] = 0.0
                             design[:, offset[answer + 1] :] = 0.0
+                        for c in range(3):
+                            noise_variance[c] = aid_variance[done, c]
+                            for i in range(blocks):
+                                if not separate:
+                                    noise_variance[c] += weight[i] ** 2 * rate_noise[i, c]
+                                elif i == answer:
+                                    noise_variance[c] += rate_noise[i, c]
                         nis, log_determinant, degrees = innovation_statistics(
-                            residual, design, aid_variance[done], covariance, deviation
+                            residual, design, noise_variance, covariance, deviation
                         )
                         accepted = degrees > 0 and nis <= gate[degrees]
                         if degrees > 0 and not accepted and refused[answer, kind] >= patience:
@@ -553,12 +570,14 @@ def run_stacked(
                         if separate:
                             for i in range(blocks):
                                 block_residual[i] = many[i, c]
+                                own[i] = rate_noise[i, c]
                             separate_update(
                                 block_residual,
                                 wide[c],
                                 offset,
                                 used,
                                 aid_variance[done, c],
+                                own,
                                 covariance,
                                 error,
                             )
@@ -567,7 +586,7 @@ def run_stacked(
                             for j in range(size):
                                 innovation -= wide[c, j] * error[j]
                             scalar_update(
-                                innovation, wide[c], aid_variance[done, c], covariance, error, gain
+                                innovation, wide[c], noise_variance[c], covariance, error, gain
                             )
                     feed_back_all(
                         error,

@@ -131,6 +131,29 @@ def add_offset_states(
             design[i, 9 + j] -= 1.0
 
 
+@kernel(inline=True)
+def add_rate_noise(
+    lever: Array, rotation: Array, white: Array, step: float, noise_variance: Array
+) -> None:
+    """Add what the gyros' noise of one sample puts into the velocity of an antenna, (3,).
+
+    The antenna moves by C (w x l), and w is one noisy sample: N^2/dt through -C [l x]. Left out,
+    a metre of lever arm at 200 Hz makes velocities look wrong that are right.
+    """
+    by_rate = np.empty((3, 3))
+    l0, l1, l2 = lever[0], lever[1], lever[2]
+    for i in range(3):
+        by_rate[i, 0] = rotation[i, 2] * l1 - rotation[i, 1] * l2
+        by_rate[i, 1] = rotation[i, 0] * l2 - rotation[i, 2] * l0
+        by_rate[i, 2] = rotation[i, 1] * l0 - rotation[i, 0] * l1
+    for i in range(3):
+        total = 0.0
+        for c in range(3):
+            for d in range(3):
+                total += by_rate[i, c] * white[1, c, d] * by_rate[i, d]
+        noise_variance[i] += total / step
+
+
 @kernel()
 def innovation_statistics(
     residual: Array, design: Array, variance: Array, covariance: Array, deviation: Array
