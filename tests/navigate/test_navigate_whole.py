@@ -13,7 +13,7 @@ from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
 from schuler.navigate import navigate
 from schuler.navigate.alignment import align
-from schuler.navigate.timing import velocity_lag
+from schuler.navigate.timing import end_of_enough_motion, velocity_lag
 from schuler.processes.noise_model import NoiseModel
 from schuler.rotations import dcm_from_euler, rotation_vector_from_dcm
 from schuler.simulate import Profile, car_urban, simulate_gnss
@@ -113,6 +113,17 @@ def test_an_outage_ends_as_far_off_as_claimed_without_knowing_the_sensor() -> No
         squares += np.einsum("ki,ki->k", e, np.linalg.solve(c, e[..., None])[..., 0]).tolist()
     # 16 degrees of freedom: 1e-4 on either side, and room for the noise found only roughly
     assert 2.0 < np.sum(squares) < 45.0
+
+
+def test_a_long_drive_is_searched_for_its_time_offset_as_far_as_it_has_moved_enough() -> None:
+    time = np.arange(4000.0)
+    # parked for 1000 s, then 10 m/s to the north with a stop of 100 s
+    speed = np.where((time < 1000.0) | ((time > 1500.0) & (time <= 1600.0)), 0.0, 10.0)
+    latitude = 0.7 + np.cumsum(speed) / 6.37e6
+    position = np.column_stack([latitude, np.zeros(4000), np.zeros(4000)])
+    gnss = GnssRecording(time, position)
+    assert end_of_enough_motion(gnss) == pytest.approx(2000.0, abs=2.0)
+    assert end_of_enough_motion(gnss.select(time < 1800.0)) == 1799.0
 
 
 def test_velocity_lag_shows_in_gnss_alone_with_its_sign() -> None:

@@ -31,6 +31,8 @@ CLEARLY = 0.6
 """A slip is named when it leaves at most this share of the misfit, ..."""
 CONVINCING = 100.0
 """... and makes the innovations more likely by so many units of log-likelihood."""
+# rates (rad/s) of machines that spin, not of vehicles that are on their way
+FAST_TURN = 2.0
 LONGEST = 600.0
 """Seconds of the drive that are tried."""
 
@@ -164,6 +166,23 @@ def find_slip(
     return None if best is None else best[1]
 
 
+def turns_too_fast(imu: ImuRecording) -> bool:
+    """Whether the gyros spend a twentieth of the time beyond what carries a GNSS antenna along.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+
+    Returns
+    -------
+    bool
+        Reason to ask whether their unit is right, no proof that it is wrong.
+    """
+    rate = np.linalg.norm(imu.gyro - np.median(imu.gyro, axis=0), axis=1)
+    return bool(np.quantile(rate, 0.95) > FAST_TURN)
+
+
 def flipped(imu: ImuRecording, channels: tuple[str, ...]) -> ImuRecording:
     """Return a recording with the sign of some channels turned.
 
@@ -241,13 +260,14 @@ def _scaled(gyro: float, text: str, cure: str) -> Slip:
     return Slip(text, cure, lambda imu: replace(imu, gyro=gyro * imu.gyro))
 
 
+GYROS_IN_DEGREES = _scaled(np.pi / 180.0, "the gyros are in deg/s", "say so with --gyro-unit deg/s")
 SLIPS: tuple[Slip, ...] = (
     *(_flip(c) for c in CHANNELS),
     _flip("gyro"),
     _flip("accel"),
     *(_flip(f"gyro_{a}", f"accel_{a}") for a in "xyz"),
     *(_exchange(i, j) for i, j in ((0, 1), (0, 2), (1, 2))),
-    _scaled(np.pi / 180.0, "the gyros are in deg/s", "say so with --gyro-unit deg/s"),
+    GYROS_IN_DEGREES,
     _scaled(180.0 / np.pi, "the gyros were converted to rad/s twice", "--gyro-unit rad/s"),
 )
 """Of all kinds that were met in recordings."""

@@ -16,7 +16,16 @@ from schuler.navigate.aiding import require_overlap
 from schuler.navigate.alignment import Alignment, align
 from schuler.navigate.condition import DriveCondition
 from schuler.navigate.coping import align_pieces, split_at_unseen
-from schuler.navigate.diagnosis import BAD, DOUBTFUL, LONGEST, Trial, find_slip, try_drive
+from schuler.navigate.diagnosis import (
+    BAD,
+    DOUBTFUL,
+    GYROS_IN_DEGREES,
+    LONGEST,
+    Trial,
+    find_slip,
+    try_drive,
+    turns_too_fast,
+)
 from schuler.navigate.drive_screening import screen_drive
 from schuler.navigate.engine import InitialState
 from schuler.navigate.error_model import sensor_error_model
@@ -101,7 +110,11 @@ def prepare(
             pieces, lambda piece, first: align_one(piece, velocity_offset, first), condition
         )
 
-    imu, start, coping = aligned(offsets.velocity)
+    try:
+        imu, start, coping = aligned(offsets.velocity)
+    except NavigationError:
+        _name_wrong_unit(imu, lambda other: align_one(other, offsets.velocity, True))
+        raise
     setup = RunSetup(
         base, NoiseFactors.none(), offsets, start, arm, condition=coping, measurements=placed
     )
@@ -136,6 +149,22 @@ def prepare(
     known = {name: v for name, v in found.values.items() if "offset" not in name}
     both = tune(imu, gnss, once_more, noise=noise, offsets=False, fixed=known, progress=progress)
     return imu, both.setup
+
+
+def _name_wrong_unit(imu: ImuRecording, align_one: Callable[[ImuRecording], Alignment]) -> None:
+    """Say so where a start fails with gyros that spin, and succeeds when they are in deg/s."""
+    if not turns_too_fast(imu):
+        return
+    try:
+        align_one(GYROS_IN_DEGREES.undo(imu))
+    except NavigationError:
+        return
+    raise NavigationError(
+        f"no start is found, but one would be if {GYROS_IN_DEGREES.name}",
+        expected="rates in rad/s",
+        cure=GYROS_IN_DEGREES.cure,
+        where=imu.name,
+    ) from None
 
 
 def _require_fit(

@@ -12,6 +12,9 @@ from schuler.navigate.setup import RunSetup, TimeOffsets
 
 # searches around the edge of the one before
 WIDENINGS = 3
+# the coarse search looks at so much motion (s), at this speed or more (m/s): an hour tells no more
+ENOUGH_MOTION = 900.0
+LEAST_SPEED = 1.0
 
 
 def velocity_lag(gnss: GnssRecording) -> float:
@@ -52,6 +55,28 @@ def velocity_lag(gnss: GnssRecording) -> float:
     return lag if abs(lag) > 3.0 * sd and abs(lag) < 1.0 else 0.0
 
 
+def end_of_enough_motion(gnss: GnssRecording) -> float:
+    """Time by which GNSS has moved for a quarter of an hour.
+
+    Parameters
+    ----------
+    gnss : GnssRecording
+        Positions.
+
+    Returns
+    -------
+    float
+        Seconds on its own axis; its last epoch where it never moved so long.
+    """
+    from schuler.earth import ned_from_geodetic
+
+    step = np.diff(gnss.time)
+    way = np.diff(ned_from_geodetic(gnss.position, gnss.position[0])[:, :2], axis=0)
+    moving = np.linalg.norm(way, axis=1) > LEAST_SPEED * step
+    enough = np.flatnonzero(np.cumsum(np.where(moving, step, 0.0)) >= ENOUGH_MOTION)
+    return float(gnss.time[enough[0] + 1] if enough.size else gnss.time[-1])
+
+
 def find_time_offset(
     imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, reach: float = 1.0
 ) -> float:
@@ -73,6 +98,10 @@ def find_time_offset(
     float
         Seconds to add to both offsets, to about 0.02 s.
     """
+    stop = end_of_enough_motion(gnss) + reach
+    # where the filter begins anew later on, all of the recording is needed
+    if stop < imu.time[-1] and all(r.time < stop for r in setup.condition.restarts):
+        imu = imu.between(float(imu.time[0]), stop)
 
     def value(shift: float) -> float:
         offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
