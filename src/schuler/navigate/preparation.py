@@ -37,7 +37,7 @@ from schuler.navigate.rest import find_initial_rest
 from schuler.navigate.running import run
 from schuler.navigate.sensor_states import SensorErrorModel
 from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.navigate.timing import find_time_offset, velocity_lag
+from schuler.navigate.timing import enough_for_offsets, find_time_offset, velocity_lag
 from schuler.navigate.tuning import tune
 from schuler.navigate.vehicle import VehicleConstraint, check_constraints, with_vehicle_states
 from schuler.processes.noise_model import NoiseModel
@@ -126,7 +126,8 @@ def prepare(
     if estimate:
         say("looking for the time offset")
         rough = _rough(base) if tuned else base
-        shift = find_time_offset(slower_imu(imu), gnss, replace(setup, model=rough))
+        part = enough_for_offsets(imu, gnss, setup)
+        shift = find_time_offset(slower_imu(part), gnss, replace(setup, model=rough))
         offsets = TimeOffsets(offsets.position + shift, offsets.velocity + shift)
         imu, start, coping = aligned(offsets.velocity)
         setup = replace(setup, offsets=offsets, alignment=start, condition=coping)
@@ -134,7 +135,8 @@ def prepare(
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
     setup = replace(setup, condition=coping)
     noise: Literal["channels"] | None = "channels" if tuned else None
-    found = tune(imu, gnss, setup, noise=noise, offsets=estimate, progress=progress)
+    part = imu if tuned else enough_for_offsets(imu, gnss, setup)
+    found = tune(part, gnss, setup, noise=noise, offsets=estimate, progress=progress)
     aided = _aided(imu, gnss, found.setup, constraints, mounting, say)
     if not tuned or "nhc" not in constraints:
         return imu, aided

@@ -12,7 +12,7 @@ from schuler.navigate.setup import RunSetup, TimeOffsets
 
 # searches around the edge of the one before
 WIDENINGS = 3
-# the coarse search looks at so much motion (s), at this speed or more (m/s): an hour tells no more
+# offsets are looked for in so much motion (s), at this speed or more (m/s): an hour tells no more
 ENOUGH_MOTION = 900.0
 LEAST_SPEED = 1.0
 
@@ -77,6 +77,29 @@ def end_of_enough_motion(gnss: GnssRecording) -> float:
     return float(gnss.time[enough[0] + 1] if enough.size else gnss.time[-1])
 
 
+def enough_for_offsets(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> ImuRecording:
+    """Return as much of a recording as it takes to find its time offsets.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The run.
+    gnss : GnssRecording
+        Epochs that may be looked at.
+    setup : RunSetup
+        Where its filter begins anew later on, all of the recording is needed.
+
+    Returns
+    -------
+    ImuRecording
+        From the same first sample on.
+    """
+    stop = end_of_enough_motion(gnss) + 1.0
+    if stop < imu.time[-1] and all(r.time < stop for r in setup.condition.restarts):
+        return imu.between(float(imu.time[0]), stop)
+    return imu
+
+
 def find_time_offset(
     imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, reach: float = 1.0
 ) -> float:
@@ -98,10 +121,6 @@ def find_time_offset(
     float
         Seconds to add to both offsets, to about 0.02 s.
     """
-    stop = end_of_enough_motion(gnss) + reach
-    # where the filter begins anew later on, all of the recording is needed
-    if stop < imu.time[-1] and all(r.time < stop for r in setup.condition.restarts):
-        imu = imu.between(float(imu.time[0]), stop)
 
     def value(shift: float) -> float:
         offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
