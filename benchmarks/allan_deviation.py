@@ -24,7 +24,7 @@ from collections.abc import Callable
 import allantools
 import numpy as np
 
-from schuler.characterize.allan import allan_deviation
+from schuler.curves.allan import allan_deviation
 
 RATE = 100.0
 

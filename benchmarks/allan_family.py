@@ -23,7 +23,7 @@ from collections.abc import Callable
 import allantools
 import numpy as np
 
-from schuler.characterize.allan_family import KINDS, family_deviation
+from schuler.curves.allan_family import KINDS, family_deviation
 
 RATE = 100.0
 PEERS = {

@@ -25,9 +25,9 @@ from collections.abc import Callable
 import numpy as np
 from statsmodels.tsa.arima.model import ARIMA
 
-from schuler.identify.arma.fit import fit_arma
-from schuler.identify.arma.selection import select_arma
-from schuler.processes.arma import ARMA
+from schuler.estimation.arma.fit import fit_arma
+from schuler.estimation.arma.selection import select_arma
+from schuler.noise.arma import ARMA
 
 TRUTH = ARMA((1.666, -0.671), (-1.086, 0.160), 1.0, 1.0)
 NAMES = ("mean", "phi_1", "phi_2", "theta_1", "theta_2", "innovation_variance")

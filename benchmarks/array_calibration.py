@@ -26,10 +26,9 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.data import ImuArray
-from schuler.fuse.calibration.disagreement import Disagreement
-from schuler.fuse.calibration.door import calibrate_array
-from schuler.fuse.calibration.judging import (
+from schuler.arrays.calibration.calibrate import calibrate_array
+from schuler.arrays.calibration.disagreement import Disagreement
+from schuler.arrays.calibration.judging import (
     disagreement_after,
     mean_slope,
     nominal_disagreement,
@@ -37,14 +36,15 @@ from schuler.fuse.calibration.judging import (
     track_phases,
     with_biases_at_rest,
 )
-from schuler.fuse.calibration.result import ArrayCalibration
-from schuler.fuse.calibration.rows import find_rests, mask_saturated
-from schuler.fuse.clocks.delays import estimate_delays
-from schuler.fuse.clocks.jumps import find_jumps
-from schuler.fuse.clocks.polling import track_polling
-from schuler.fuse.clocks.resampling import low_pass
-from schuler.fuse.reading import read_array
-from schuler.readers import read_imus
+from schuler.arrays.calibration.result import ArrayCalibration
+from schuler.arrays.calibration.rows import find_rests, mask_saturated
+from schuler.arrays.clocks.delays import estimate_delays
+from schuler.arrays.clocks.jumps import find_jumps
+from schuler.arrays.clocks.polling import track_polling
+from schuler.arrays.clocks.resampling import low_pass
+from schuler.arrays.read import read_array
+from schuler.data import ImuArray
+from schuler.io import read_imus
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 DATA = Path(os.environ.get("SCHULER_DATA", BESIDE))
@@ -223,7 +223,7 @@ def named_fault(body: ImuArray) -> tuple[int, int]:
 
     Returns whether it was named while it lasted, and how many others were taken out before it.
     """
-    from schuler.fuse.faults import detect_faults
+    from schuler.arrays.detection.faults import detect_faults
 
     gyro = np.array(body.gyro)
     a, b = np.searchsorted(body.time, [25.0, 30.0])

@@ -26,8 +26,8 @@ import numpy as np
 import spectrum
 from statsmodels.regression.linear_model import burg, yule_walker
 
-from schuler.identify.autoregressive.fit import fit_ar, fit_ar_orders, select_ar
-from schuler.processes.autoregressive import Autoregressive
+from schuler.estimation.autoregressive.fit import fit_ar, fit_ar_orders, select_ar
+from schuler.noise.autoregressive import Autoregressive
 
 HALF_PLANE = [(0.98, 0.12), (0.95, 0.27), (0.9, 0.05)]
 POLES = [r * np.exp(2j * np.pi * s * f) for r, f in HALF_PLANE for s in (1, -1)]

@@ -16,15 +16,19 @@ from dataclasses import replace
 import numpy as np
 
 from schuler.data import CHANNELS
-from schuler.evaluate.outage_twin import OutageTwin, draw, outage_twin
-from schuler.evaluate.outages import judge_window
-from schuler.identify.garch.conditional_variance import simulate_garch
-from schuler.navigate import run
-from schuler.navigate.changing_noise import ChangingNoise, VarianceRecursion, averaged_noise
-from schuler.navigate.error_model import sensor_error_model
-from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.processes import NoiseModel, RandomWalk, TurnOnBias, WhiteNoise
-from schuler.simulate.set_pieces import SetPiece, car_with_set_pieces
+from schuler.estimation.garch.conditional_variance import simulate_garch
+from schuler.evaluation.outage_twin import OutageTwin, draw, outage_twin
+from schuler.evaluation.outages import judge_window
+from schuler.navigation.error_models.changing_noise import (
+    ChangingNoise,
+    VarianceRecursion,
+    averaged_noise,
+)
+from schuler.navigation.error_models.sensor_error_model import sensor_error_model
+from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.navigation.run import run
+from schuler.noise import NoiseModel, RandomWalk, TurnOnBias, WhiteNoise
+from schuler.simulation.motions.set_pieces import SetPiece, car_with_set_pieces
 
 RATE = 100.0
 ALPHA, BETA = 0.01, 0.9898

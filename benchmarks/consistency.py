@@ -42,10 +42,9 @@ from array_twins import draw_array, mems
 from twins import LEVER, Twin, draw_twin, navigation_errors, perfect
 from vehicle_twins import ARM, draw_vehicle, ride
 
+from schuler.arrays.geometry import tetrahedron_mounting
 from schuler.data.array import Mounting
-from schuler.fuse.geometry import tetrahedron_mounting
-from schuler.navigate.aiding import KIND_NAMES
-from schuler.navigate.attitude_sources import (
+from schuler.navigation.aiding.attitude_sources import (
     Barometer,
     CorrelatedGnss,
     Heading,
@@ -53,12 +52,17 @@ from schuler.navigate.attitude_sources import (
     StatefulAiding,
     earth_field,
 )
-from schuler.navigate.engine import NO_VEHICLE, gate_thresholds, run_engine
-from schuler.navigate.measurements import MeasurementOptions
-from schuler.navigate.mechanizations import MECHANIZATIONS, Mechanization, run_mechanization
-from schuler.navigate.stacked import RigidBody, default_weight
+from schuler.navigation.aiding.gnss import KIND_NAMES
+from schuler.navigation.aiding.options import MeasurementOptions
+from schuler.navigation.engine import NO_VEHICLE, gate_thresholds, run_engine
+from schuler.navigation.mechanizations.navigate_array import (
+    MECHANIZATIONS,
+    Mechanization,
+    run_mechanization,
+)
+from schuler.navigation.mechanizations.stacked import RigidBody, default_weight
 from schuler.rotations import dcm_from_rotation_vector
-from schuler.simulate import Profile, car_urban, motorcycle, simulate_gnss
+from schuler.simulation import Profile, car_urban, motorcycle, simulate_gnss
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import pywt
 
-from schuler.denoise import CausalDenoiser, denoise
+from schuler.denoising import CausalDenoiser, denoise
 
 SAMPLES = 2_520_000
 

@@ -13,9 +13,9 @@ import time
 
 import numpy as np
 
-from schuler.studies.quinchia2013.judging import SHORT, pair, ratio
-from schuler.studies.quinchia2013.outages import LONG, PIECES, run, twins
-from schuler.studies.quinchia2013.sensor import MODELS, models
+from schuler_papers.quinchia2013.judging import SHORT, pair, ratio
+from schuler_papers.quinchia2013.outages import LONG, PIECES, run, twins
+from schuler_papers.quinchia2013.sensor import MODELS, models
 
 PEER_MICROSECONDS = (215.0, 1260.0)
 FIVE = 5

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "fuse"))
 import numpy as np
 from riding_twins import ride
 
-from schuler.fuse.faults import detect_faults
+from schuler.arrays.detection.faults import detect_faults
 
 
 def main() -> None:

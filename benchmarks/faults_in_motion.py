@@ -26,17 +26,17 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.data import ImuArray
-from schuler.fuse.calibration.door import calibrate_array
-from schuler.fuse.calibration.result import ArrayCalibration
-from schuler.fuse.calibration.rows import mask_saturated
-from schuler.fuse.lasting_faults import (
+from schuler.arrays.calibration.calibrate import calibrate_array
+from schuler.arrays.calibration.result import ArrayCalibration
+from schuler.arrays.calibration.rows import mask_saturated
+from schuler.arrays.detection.lasting_faults import (
     HealthyMotion,
     LastingFaults,
     detect_lasting_faults,
     learn_healthy_motion,
 )
-from schuler.fuse.reading import read_array
+from schuler.arrays.read import read_array
+from schuler.data import ImuArray
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 DATA = Path(os.environ.get("SCHULER_DATA", BESIDE))

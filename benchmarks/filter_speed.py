@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, ImuRecording
-from schuler.navigate.aiding import POSITION, AidingSchedule
-from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
-from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
-from schuler.navigate.smoother import smooth_run
-from schuler.navigate.vehicle import with_vehicle_states
-from schuler.processes import GaussMarkov, RandomWalk, WhiteNoise
-from schuler.processes.noise_model import NoiseModel
+from schuler.navigation.aiding.gnss import POSITION, AidingSchedule
+from schuler.navigation.aiding.vehicle import with_vehicle_states
+from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
+from schuler.navigation.smoother import smooth_run
+from schuler.noise import GaussMarkov, RandomWalk, WhiteNoise
+from schuler.noise.noise_model import NoiseModel
 
 Array = NDArray[np.float64]
 
@@ -62,8 +62,8 @@ def sensor_model(states: int) -> SensorErrorModel:
 
 def recordings() -> tuple[ImuRecording, AidingSchedule, InitialState]:
     """A simulated drive; the state starts at the truth, with the covariance of 15 states."""
-    from schuler.navigate.aiding import GnssPosition, GnssVelocity, merge_schedules
-    from schuler.simulate import car_urban, ideal_imu, simulate_gnss, simulate_imu
+    from schuler.navigation.aiding.gnss import GnssPosition, GnssVelocity, merge_schedules
+    from schuler.simulation import car_urban, ideal_imu, simulate_gnss, simulate_imu
 
     rng = np.random.default_rng(1)
     profile = car_urban(DURATION, 3, standstill=10.0)

@@ -25,15 +25,15 @@ from collections.abc import Callable
 
 import numpy as np
 
+from schuler.arrays.detection.faults import detect_faults
+from schuler.arrays.detection.thresholds import likelihood_statistics
+from schuler.arrays.geometry import Geometry, orthogonal
+from schuler.arrays.redundant import redundant_sensors
+from schuler.arrays.synthesis.array_noise import ArrayNoise
+from schuler.arrays.synthesis.least_squares import least_squares
+from schuler.arrays.synthesis.synthetic import synthesize
+from schuler.arrays.tracking import OnlineSettings, follow_sensors
 from schuler.data import ImuArray, Mounting
-from schuler.fuse.array_noise import ArrayNoise
-from schuler.fuse.faults import detect_faults
-from schuler.fuse.geometry import Geometry, orthogonal
-from schuler.fuse.least_squares import least_squares
-from schuler.fuse.online import OnlineSettings, follow_sensors
-from schuler.fuse.redundant import redundant_sensors
-from schuler.fuse.synthetic import synthesize
-from schuler.fuse.thresholds import likelihood_statistics
 
 GYRO, ACCEL = 1e-3, 2e-2
 

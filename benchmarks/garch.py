@@ -24,8 +24,8 @@ from collections.abc import Callable
 import numpy as np
 from arch import arch_model
 
-from schuler.identify.garch.conditional_variance import garch_log_likelihood, simulate_garch
-from schuler.identify.garch.fit import fit_garch
+from schuler.estimation.garch.conditional_variance import garch_log_likelihood, simulate_garch
+from schuler.estimation.garch.fit import fit_garch
 
 TRUTH = (1.3e-7, 0.0175, 0.98)
 

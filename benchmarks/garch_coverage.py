@@ -21,8 +21,8 @@ import time
 
 import numpy as np
 
-from schuler.identify.garch.conditional_variance import simulate_garch
-from schuler.identify.garch.fit import fit_garch
+from schuler.estimation.garch.conditional_variance import simulate_garch
+from schuler.estimation.garch.fit import fit_garch
 
 NAMES = ("alpha0", "alpha_1", "beta_1")
 

@@ -24,10 +24,11 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.joint_fit import TRUTH, table
-from schuler.identify import Identification, identify
-from schuler.identify.gmwm.fit import fit_gmwm
-from schuler.identify.maximum_likelihood import fit_maximum_likelihood
-from schuler.processes import WhiteNoise
+from schuler.estimation.gmwm.fit import fit_gmwm
+from schuler.estimation.identification import Identification
+from schuler.estimation.identify import identify
+from schuler.estimation.maximum_likelihood import fit_maximum_likelihood
+from schuler.noise import WhiteNoise
 
 Method = Callable[[np.ndarray], Identification]
 
@@ -49,7 +50,7 @@ def methods(rate: float, likelihood: bool) -> dict[str, Method]:
 
 def contamination(rate: float, samples: int) -> None:
     """White noise with growing shares of outliers: plain against robust deviation."""
-    from schuler.characterize.wavelet_variance import wavelet_variance
+    from schuler.curves.wavelet_variance import wavelet_variance
 
     print("deviation of white noise over truth (scales of 1, 16 and 256 samples)")
     for share, size in ((0.0, 0.0), (0.01, 20.0), (0.05, 10.0), (0.15, 8.0), (0.5, 6.7)):

@@ -21,9 +21,10 @@ from collections import Counter
 
 import numpy as np
 
-from schuler.identify import Identification, identify
-from schuler.processes import GaussMarkov, ProcessSum, RandomWalk, WhiteNoise
-from schuler.processes.gauss_markov import ALLAN_PEAK_HEIGHT, FLICKER_LEVEL
+from schuler.estimation.identification import Identification
+from schuler.estimation.identify import identify
+from schuler.noise import GaussMarkov, ProcessSum, RandomWalk, WhiteNoise
+from schuler.noise.gauss_markov import ALLAN_PEAK_HEIGHT, FLICKER_LEVEL
 from schuler.units import parse
 
 RATE = 100.0

@@ -17,16 +17,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.arrays.geometry import tetrahedron_mounting
 from schuler.data import CHANNELS, GnssRecording
 from schuler.data.array import ImuArray, Mounting
-from schuler.fuse.geometry import tetrahedron_mounting
-from schuler.navigate.array_model import extended_model
-from schuler.navigate.array_preparation import PreparedArray, prepare_array
-from schuler.navigate.mechanizations import Mechanization, run_mechanization
-from schuler.navigate.observability import Segment, system_matrix
-from schuler.processes import RandomWalk, WhiteNoise
-from schuler.processes.noise_model import NoiseModel
-from schuler.simulate import motorcycle, simulate_array, simulate_gnss
+from schuler.navigation.mechanizations.array_model import extended_model
+from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
+from schuler.navigation.mechanizations.navigate_array import Mechanization, run_mechanization
+from schuler.navigation.observability import Segment, system_matrix
+from schuler.noise import RandomWalk, WhiteNoise
+from schuler.noise.noise_model import NoiseModel
+from schuler.simulation import motorcycle, simulate_array, simulate_gnss
 
 Array = NDArray[np.float64]
 
@@ -76,9 +76,9 @@ def engine_cpu(prepared: PreparedArray, gnss: GnssRecording, name: Mechanization
     """Microseconds a sample of the filter pass itself."""
     from dataclasses import replace
 
-    from schuler.navigate.array_model import fused_model
-    from schuler.navigate.engine import gate_thresholds, run_engine
-    from schuler.navigate.parity import Parity
+    from schuler.navigation.engine import gate_thresholds, run_engine
+    from schuler.navigation.mechanizations.array_model import fused_model
+    from schuler.navigation.mechanizations.parity import Parity
 
     setup = prepared.setup
     if name == "extended":

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.identify.orthogonal_search.search import fast_orthogonal_search
+from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
 
 MAX_LAG, TERMS = 10, 10
 PEER = """

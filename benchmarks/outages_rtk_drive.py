@@ -17,8 +17,8 @@ import time
 from pathlib import Path
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.evaluate import OutageEvaluation, OutageStatistics, evaluate_outages
-from schuler.readers import read_gnss, read_imu
+from schuler.evaluation import OutageEvaluation, OutageStatistics, evaluate_outages
+from schuler.io import read_gnss, read_imu
 
 SEVEN = tuple((float(start), 30.0) for start in range(120, 481, 60))
 MINUTES = (

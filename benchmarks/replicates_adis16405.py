@@ -20,9 +20,10 @@ from pathlib import Path
 
 import polars as pl
 
-from schuler.identify import Identification, identify
-from schuler.identify.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
-from schuler.identify.maximum_likelihood import fit_maximum_likelihood
+from schuler.estimation.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
+from schuler.estimation.identification import Identification
+from schuler.estimation.identify import identify
+from schuler.estimation.maximum_likelihood import fit_maximum_likelihood
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("SCHULER_DATA", BESIDE)) / "adis16405-static"

@@ -23,7 +23,7 @@ def simulated_log(folder: Path) -> Path:
     import numpy as np
 
     from schuler.cli.example import EXAMPLE_RATE, example_noise
-    from schuler.simulate import simulate_static
+    from schuler.simulation import simulate_static
 
     log = simulate_static(
         example_noise(), SAMPLES / EXAMPLE_RATE, EXAMPLE_RATE, np.random.default_rng(3)

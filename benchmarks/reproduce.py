@@ -11,7 +11,7 @@ less: the load is printed.
 
 from __future__ import annotations
 
-from schuler.scale.executors import one_thread
+from schuler.execution.executors import one_thread
 
 one_thread()
 
@@ -20,9 +20,9 @@ import os
 import time
 from dataclasses import replace
 
-from schuler.studies.experiment import Size
-from schuler.studies.registry import PAPERS
-from schuler.studies.reproduction import Reproduction, reproduce
+from schuler_papers.experiment import Size
+from schuler_papers.registry import PAPERS
+from schuler_papers.reproduction import Reproduction, reproduce
 
 
 def timed(

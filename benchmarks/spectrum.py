@@ -24,11 +24,11 @@ import numpy as np
 from scipy.signal import welch
 from statsmodels.tsa.stattools import acf
 
-from schuler.characterize.autocorrelation import autocorrelation
-from schuler.characterize.gauss_markov_correlation import fit_gauss_markov
-from schuler.characterize.spectrum import power_spectral_density
-from schuler.identify.spectrum.fit import fit_spectrum
-from schuler.processes import BiasInstability, GaussMarkov, RandomWalk, WhiteNoise
+from schuler.curves.autocorrelation import autocorrelation
+from schuler.curves.spectrum import power_spectral_density
+from schuler.estimation.gauss_markov_correlation import fit_gauss_markov
+from schuler.estimation.spectrum.fit import fit_spectrum
+from schuler.noise import BiasInstability, GaussMarkov, RandomWalk, WhiteNoise
 from schuler.units import parse
 
 RATE = 100.0

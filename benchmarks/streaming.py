@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from benchmarks.filter_speed import LEVER, recordings, sensor_model, started
 from schuler.data import ImuRecording
-from schuler.navigate.aiding import AidingSchedule
-from schuler.navigate.engine import InitialState, gate_thresholds, run_engine
-from schuler.navigate.streaming import GnssReceiver, NavigationFilter
+from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigation.streaming import GnssReceiver, NavigationFilter
 
 Array = NDArray[np.float64]
 

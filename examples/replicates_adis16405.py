@@ -17,16 +17,16 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from schuler.characterize.screening import repair, screen
 from schuler.data.imu import ImuRecording
 from schuler.data.table import write_text
-from schuler.identify.comparison.methods import ImuMethodComparison, compare_methods
-from schuler.identify.comparison.replicates import compare_replicates
-from schuler.identify.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
-from schuler.readers import read_imu
+from schuler.estimation.comparison.methods import ImuMethodComparison, compare_methods
+from schuler.estimation.comparison.replicates import compare_replicates
+from schuler.estimation.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
+from schuler.io import read_imu
 from schuler.report import Section, Table, record_provenance, write_report
 from schuler.report.sections.method_words import shown_name
 from schuler.report.sections.residuals import probability
+from schuler.screening.screen import repair, screen
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("SCHULER_DATA", BESIDE))

@@ -11,11 +11,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
-
-FloatArray = NDArray[np.float64]
+from schuler.types import FloatArray
 
 SEMI_MAJOR_AXIS: Final = 6378137.0
 """Equatorial radius a, m."""

@@ -9,11 +9,10 @@ with any leading axes; nothing divides by an angle, so zero and tiny rotations l
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from schuler.errors import EstimationError, InputError
-
-FloatArray = NDArray[np.float64]
+from schuler.types import FloatArray
 
 NED_FROM_ENU: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Takes east-north-up vectors into north-east-down; it is its own inverse."""

@@ -10,8 +10,8 @@ import pytest
 from outcome import ACCEL_N, GYRO_N, Outcome
 
 from schuler.cli import main
-from schuler.processes import NoiseModel, WhiteNoise
-from schuler.simulate import car_urban, ideal_imu, simulate_gnss, simulate_imu, simulate_static
+from schuler.noise import NoiseModel, WhiteNoise
+from schuler.simulation import car_urban, ideal_imu, simulate_gnss, simulate_imu, simulate_static
 
 
 @pytest.fixture

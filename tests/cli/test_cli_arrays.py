@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from outcome import Outcome
 
-from schuler.fuse.calibration.result import ArrayCalibration
-from schuler.processes import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
+from schuler.arrays.calibration.result import ArrayCalibration
+from schuler.noise import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
 from schuler.rotations import dcm_from_euler
-from schuler.simulate import motorcycle, simulate_array, simulate_gnss
+from schuler.simulation import motorcycle, simulate_array, simulate_gnss
 
 Call = Callable[..., Outcome]
 

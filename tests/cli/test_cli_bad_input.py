@@ -205,7 +205,7 @@ def test_an_interrupt_ends_quietly(
     def interrupted(*arguments: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("schuler.readers.read_imu", interrupted)
+    monkeypatch.setattr("schuler.io.read_imu", interrupted)
     outcome = call("characterize", recordings / "static.parquet")
     assert outcome.code == 130
     assert "interrupted" in outcome.one_line()
@@ -218,7 +218,7 @@ def test_a_bug_is_called_a_bug(
         raise ZeroDivisionError("one over nothing")
 
     monkeypatch.delenv("SCHULER_DEBUG", raising=False)
-    monkeypatch.setattr("schuler.readers.read_imu", broken)
+    monkeypatch.setattr("schuler.io.read_imu", broken)
     outcome = call("characterize", recordings / "static.parquet")
     assert outcome.code == 70
     assert "bug" in outcome.one_line()

@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 from outcome import Outcome
 
-from schuler.fuse.calibration.result import ArrayCalibration
+from schuler.arrays.calibration.result import ArrayCalibration
 from schuler.rotations import dcm_from_rotation_vector
 
 TURN = np.array([[0.02, 0.0, -0.01], [-0.03, 0.01, 0.0], [0.01, -0.01, 0.01]])

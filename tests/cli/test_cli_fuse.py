@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from schuler.data import ImuRecording
-from schuler.processes.noise_model import NoiseModel
-from schuler.readers import read_imu
+from schuler.io import read_imu
+from schuler.noise.noise_model import NoiseModel
 
 SIGMA = np.array([1e-3, 1e-3, 2e-3, 1e-3])
 

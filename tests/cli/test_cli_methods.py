@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from outcome import ACCEL_N, GYRO_N, Outcome
 
-from schuler.processes import NoiseModel
+from schuler.noise import NoiseModel
 
 
 def test_methods_are_compared_everywhere(

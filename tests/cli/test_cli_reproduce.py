@@ -48,7 +48,7 @@ def test_a_run_is_kept_judged_again_and_compared(call: Call, tmp_path: Path) -> 
 def test_a_value_outside_its_band_is_a_failed_check(
     call: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from schuler.studies.tamazin2013 import arithmetic
+    from schuler_papers.tamazin2013 import arithmetic
 
     monkeypatch.setattr(arithmetic, "EQUATION_29", (1.25, *arithmetic.EQUATION_29[1:]))
     page = tmp_path / "page.html"

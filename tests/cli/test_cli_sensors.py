@@ -12,14 +12,14 @@ import pytest
 from outcome import Outcome
 
 from schuler.errors import SchulerError
-from schuler.navigate.attitude_sources import (
+from schuler.io import read_sensor
+from schuler.io.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
+from schuler.navigation.aiding.attitude_sources import (
     earth_field,
     height_of_pressure,
     pressure_per_height,
 )
-from schuler.readers import read_sensor
-from schuler.readers.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
-from schuler.simulate import car_urban
+from schuler.simulation import car_urban
 
 Call = Callable[..., Outcome]
 EARTH = "4,63,48"

@@ -12,9 +12,9 @@ import pytest
 import yaml
 from outcome import Outcome
 
-from schuler.fuse.reading import read_array
-from schuler.processes import NoiseModel
-from schuler.readers import read_gnss, read_imu
+from schuler.arrays.read import read_array
+from schuler.io import read_gnss, read_imu
+from schuler.noise import NoiseModel
 from schuler.rotations import dcm_from_euler
 
 Call = Callable[..., Outcome]
@@ -149,7 +149,7 @@ def test_waypoints_and_tracks_give_the_motion(tmp_path: Path, call: Call) -> Non
 
 
 def test_a_noise_model_of_its_own_is_drawn_from(tmp_path: Path, call: Call) -> None:
-    from schuler.processes import WhiteNoise
+    from schuler.noise import WhiteNoise
 
     processes = {f"{s}_{a}": WhiteNoise(1e-3) for s in ("gyro", "accel") for a in "xyz"}
     NoiseModel(processes).save(tmp_path / "n.yaml")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from outcome import ACCEL_N, GYRO_N, Outcome
 
-from schuler.processes import NoiseModel
+from schuler.noise import NoiseModel
 
 
 def test_tune_tells_the_factors_and_writes_the_model(

@@ -16,7 +16,7 @@ import pytest
 import yaml
 from outcome import ACCEL_N, GYRO_N, Outcome
 
-from schuler.processes import NoiseModel
+from schuler.noise import NoiseModel
 from schuler.report.page import plotly_script
 
 

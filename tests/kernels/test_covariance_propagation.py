@@ -13,10 +13,14 @@ from schuler.data import CHANNELS
 from schuler.kernels.covariance import navigation_rows, propagate_covariance
 from schuler.kernels.strapdown import strapdown_step
 from schuler.kernels.transition import accumulate_transition, reset_transition, sensor_transition
-from schuler.navigate.error_model import FILTER_CHANNELS, SensorErrorModel, sensor_error_model
-from schuler.navigate.sensor_states import no_sensor_states
-from schuler.processes import GaussMarkov, RandomWalk, RateRamp, Sinusoid, WhiteNoise
-from schuler.processes.noise_model import NoiseModel
+from schuler.navigation.error_models.sensor_error_model import (
+    FILTER_CHANNELS,
+    SensorErrorModel,
+    sensor_error_model,
+)
+from schuler.navigation.error_models.sensor_states import no_sensor_states
+from schuler.noise import GaussMarkov, RandomWalk, RateRamp, Sinusoid, WhiteNoise
+from schuler.noise.noise_model import NoiseModel
 from schuler.rotations import (
     dcm_from_euler,
     dcm_from_rotation_vector,
@@ -215,7 +219,7 @@ def dense_sensor_model(dt: float) -> tuple[Array, Array, Array]:
         parts = [p.state_space(dt) for p in NOISE.process(name).components]
         parts = [p for p in parts if p.size]
         if name.startswith("gyro"):
-            from schuler.processes import TurnOnBias
+            from schuler.noise import TurnOnBias
 
             parts.append(TurnOnBias(0.01).state_space(dt))
         transition += [p.transition for p in parts]

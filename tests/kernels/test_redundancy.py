@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from schuler.arrays.detection.fault_settings import FaultSettings
+from schuler.arrays.detection.faults import detect_faults
+from schuler.arrays.detection.thresholds import likelihood_statistics
+from schuler.arrays.geometry import Geometry, tetrahedron_mounting
+from schuler.arrays.redundant import redundant_sensors
+from schuler.arrays.synthesis.least_squares import least_squares
+from schuler.arrays.tracking import AxisNoise, OnlineSettings, follow_sensors
 from schuler.data import ImuArray
-from schuler.fuse.fault_settings import FaultSettings
-from schuler.fuse.faults import detect_faults
-from schuler.fuse.geometry import Geometry, tetrahedron_mounting
-from schuler.fuse.least_squares import least_squares
-from schuler.fuse.online import AxisNoise, OnlineSettings, follow_sensors
-from schuler.fuse.redundant import redundant_sensors
-from schuler.fuse.thresholds import likelihood_statistics
 
 SCRIPT = """
 import sys

@@ -12,10 +12,10 @@ from schuler.errors import ModelError
 from schuler.kernels.covariance import sensor_covariance
 from schuler.kernels.transition import move_sensor_states, raise_blocks, set_blocks
 from schuler.kernels.update import add_offset_states, linear_model
-from schuler.navigate.error_model import SensorErrorModel, sensor_error_model
-from schuler.processes import ARMA, Autoregressive, GaussMarkov, WhiteNoise
-from schuler.processes.base import Process
-from schuler.processes.noise_model import NoiseModel
+from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
+from schuler.noise import ARMA, Autoregressive, GaussMarkov, WhiteNoise
+from schuler.noise.base import Process
+from schuler.noise.noise_model import NoiseModel
 
 Array = NDArray[np.float64]
 INTERVAL = 0.01

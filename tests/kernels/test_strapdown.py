@@ -9,9 +9,9 @@ import pytest
 
 from schuler import earth
 from schuler.data import ImuRecording
-from schuler.navigate.alignment import dead_reckon
+from schuler.navigation.preparation.alignment import dead_reckon
 from schuler.rotations import rotation_vector_from_dcm
-from schuler.simulate import Profile, car_mixed, car_urban, ideal_imu, static
+from schuler.simulation import Profile, car_mixed, car_urban, ideal_imu, static
 
 
 def from_the_start(profile: Profile, rate: float) -> ImuRecording:

@@ -13,13 +13,13 @@ SCRIPT = """
 import sys
 import numpy as np
 from schuler.data import CHANNELS
-from schuler.navigate import run
-from schuler.navigate.alignment import Alignment
-from schuler.navigate.error_model import sensor_error_model
-from schuler.navigate.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.processes import Autoregressive, GaussMarkov, RandomWalk, RateRamp, WhiteNoise
-from schuler.processes.noise_model import NoiseModel
-from schuler.simulate import car_urban, ideal_imu, simulate_gnss, simulate_imu
+from schuler.navigation import run
+from schuler.navigation.preparation.alignment import Alignment
+from schuler.navigation.error_models.sensor_error_model import sensor_error_model
+from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.noise import Autoregressive, GaussMarkov, RandomWalk, RateRamp, WhiteNoise
+from schuler.noise.noise_model import NoiseModel
+from schuler.simulation import car_urban, ideal_imu, simulate_gnss, simulate_imu
 
 accel = WhiteNoise(3e-3) + RandomWalk(2e-4, initial_sd=0.03)
 gyro = WhiteNoise(3e-4) + GaussMarkov(1e-4, 20.0) + RateRamp(1e-6)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from schuler.data import CHANNELS
-from schuler.evaluate.error_model_comparison import ErrorModelComparison, ModelOutages
-from schuler.evaluate.outages import OutageStatistics, OutageWindow
-from schuler.navigate.error_models import ErrorModel
-from schuler.processes import NoiseModel, WhiteNoise
+from schuler.evaluation.error_model_comparison import ErrorModelComparison, ModelOutages
+from schuler.evaluation.outages import OutageStatistics, OutageWindow
+from schuler.navigation.error_models.catalogue import ErrorModel
+from schuler.noise import NoiseModel, WhiteNoise
 from schuler.report import FigureGrid, Table, render_report
 from schuler.report.sections import sections_of
 

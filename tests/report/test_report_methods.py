@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from schuler.data.imu import ImuRecording
-from schuler.denoise import allan_effect, denoise
-from schuler.identify.comparison.methods import (
+from schuler.denoising import allan_effect, denoise
+from schuler.estimation.comparison.methods import (
     ImuMethodComparison,
     compare_methods,
     compare_methods_imu,
 )
-from schuler.identify.comparison.replicates import compare_replicates
-from schuler.processes import RandomWalk, WhiteNoise
+from schuler.estimation.comparison.replicates import compare_replicates
+from schuler.noise import RandomWalk, WhiteNoise
 from schuler.report import FigureGrid, Table, render_report
 from schuler.report.page import plotly_script
 from schuler.report.sections import sections_of

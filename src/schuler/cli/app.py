@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from importlib.metadata import entry_points
 from io import TextIOWrapper
 
 from cyclopts import App, Parameter
@@ -21,7 +22,6 @@ from schuler.cli.export import export
 from schuler.cli.fuse import faults, fuse
 from schuler.cli.navigate import navigate
 from schuler.cli.outages import outages
-from schuler.cli.reproduce import reproduce
 from schuler.cli.simulate import simulate
 from schuler.cli.tune import tune
 from schuler.cli.warm import warm
@@ -47,9 +47,12 @@ app = App(
 )
 for _command in (
     demo, characterize, calibrate, fuse, faults, navigate, observability, outages, tune,
-    simulate, export, reproduce, warm,
+    simulate, export, warm,
 ):  # fmt: skip
     app.command(_command)
+for _point in sorted(entry_points(group="schuler.verbs")):
+    # A verb of another distribution (or of the papers): imported when it is called.
+    app.command(_point.value, name=_point.name)
 
 
 def run(arguments: Sequence[str]) -> int:

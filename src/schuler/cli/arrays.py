@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.data.array import ImuArray, Mounting
     from schuler.data.gnss import GnssRecording
-    from schuler.evaluate.mechanizations import MechanizationComparison
-    from schuler.navigate.observability_run import RunObservability
+    from schuler.evaluation.mechanizations import MechanizationComparison
+    from schuler.navigation.observability_run import RunObservability
 
 ALL = "all"
 
@@ -190,10 +190,10 @@ def navigate_arrays(
     from schuler.cli.outages import parse_windows
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.export.trajectory import check_trajectory_name, write_trajectory
-    from schuler.navigate.mechanizations import MECHANIZATIONS, navigate_array
+    from schuler.execution.progress import progress
+    from schuler.io.trajectory import check_trajectory_name, write_trajectory
+    from schuler.navigation.mechanizations.navigate_array import MECHANIZATIONS, navigate_array
     from schuler.report import NavigationResults, render_report
-    from schuler.scale.progress import progress
 
     out, report, json = files
     inputs = (*options.files, gnss, *((noise,) if noise else ()))
@@ -261,9 +261,9 @@ def _compare(
     """All mechanizations from one preparation, side by side."""
     from schuler.cli.outputs import json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.evaluate.mechanizations import compare_mechanizations
+    from schuler.evaluation.mechanizations import compare_mechanizations
+    from schuler.execution.progress import progress
     from schuler.report import render_report
-    from schuler.scale.progress import progress
 
     out, report, json = files
     refused = {"--out": out is not None, "--smooth": smooth, "--aid": bool(keywords["aiding"])}
@@ -357,11 +357,11 @@ def observability(
     from schuler.cli.navigate import load_drive
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.navigate import prepare
-    from schuler.navigate.array_preparation import prepare_array
-    from schuler.navigate.observability_run import observe, observe_array
+    from schuler.execution.progress import progress
+    from schuler.navigation.mechanizations.array_preparation import prepare_array
+    from schuler.navigation.observability_run import observe, observe_array
+    from schuler.navigation.preparation.prepare import prepare
     from schuler.report import render_report
-    from schuler.scale.progress import progress
 
     options = several or ArrayOptions()
     require_one(imu, options)

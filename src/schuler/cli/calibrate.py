@@ -10,8 +10,8 @@ from cyclopts import Parameter
 from schuler.cli.reading import ImuReading
 
 if TYPE_CHECKING:
+    from schuler.arrays.calibration.review import CalibrationReview
     from schuler.cli.console import Screen
-    from schuler.fuse.calibration.review import CalibrationReview
 
 
 def calibrate(
@@ -67,18 +67,18 @@ def calibrate(
     from schuler.cli.console import Screen, say
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.scale.progress import progress
+    from schuler.execution.progress import progress
 
     outputs = Outputs(out, report, json, inputs=(*files, *on))
     how = (reading or ImuReading()).options()
     with progress(f"Reading {', '.join(f.name for f in files)}"):
-        from schuler.fuse.reading import read_array
+        from schuler.arrays.read import read_array
 
         array = read_array(files if len(files) != 1 else files[0], clocks=clocks, **how)
         others = [(f.stem, read_array(f, clocks=clocks, **how)) for f in on]
     with progress("Calibrating"):
-        from schuler.fuse.calibration.door import calibrate_array
-        from schuler.fuse.calibration.review import review_calibration
+        from schuler.arrays.calibration.calibrate import calibrate_array
+        from schuler.arrays.calibration.review import review_calibration
 
         found = calibrate_array(
             array, gyro_model=model, accel_model=model, timing=timing, bandwidth=bandwidth,

@@ -10,9 +10,9 @@ from cyclopts import Parameter
 from schuler.cli.reading import ImuReading
 
 if TYPE_CHECKING:
-    from schuler.characterize.screening import Screening
     from schuler.cli.console import Screen
-    from schuler.identify import ImuCharacterization
+    from schuler.estimation.characterization import ImuCharacterization
+    from schuler.screening.screen import Screening
 
 MOST_FINDINGS = 8
 NARROW = 110
@@ -64,14 +64,14 @@ def characterize(
     reading : ImuReading, optional
         How to read the file.
     """
-    from schuler.characterize.screening import repair as repair_recording
-    from schuler.characterize.screening import screen
     from schuler.cli.console import Screen, say
     from schuler.cli.loading import load_imu, say_when_compiling, title_of
     from schuler.cli.methods import MethodFiles, chosen_methods, compare_and_write
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.scale.progress import progress
+    from schuler.execution.progress import progress
+    from schuler.screening.screen import repair as repair_recording
+    from schuler.screening.screen import screen
 
     outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
     methods = chosen_methods(method, needs_model=noise_out is not None or kalibr is not None)
@@ -88,7 +88,7 @@ def characterize(
             outputs, strict=strict and not repair,
         )  # fmt: skip
     with progress("Fitting the noise of every channel"):
-        from schuler.identify import characterize_imu
+        from schuler.estimation.characterization import characterize_imu
 
         result = characterize_imu(imu)
     origin = command_provenance(inputs=(file,), settings={"repair": repair})
@@ -107,7 +107,7 @@ def characterize(
     outputs.text(json, lambda: json_text(result.to_dict() | more))
     outputs.text(noise_out, result.noise_model.to_yaml)
     if kalibr is not None:
-        from schuler.export.kalibr import kalibr_yaml
+        from schuler.io.kalibr import kalibr_yaml
 
         text = kalibr_yaml(result.noise_model, rate=imu.rate, topic=topic)
         outputs.text(kalibr, lambda: text)

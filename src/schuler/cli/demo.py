@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
     from schuler.data.trajectory import Trajectory
-    from schuler.processes.noise_model import NoiseModel
+    from schuler.noise.noise_model import NoiseModel
     from schuler.report.provenance import Provenance
 
 DRIVE_SECONDS = 600.0
@@ -110,7 +110,7 @@ def simulated() -> Material:
         Simulated static log and drive with truth.
     """
     from schuler.cli.example import SEEDS, example_drive, example_static
-    from schuler.scale.progress import progress
+    from schuler.execution.progress import progress
 
     with progress("Simulating a static log and a drive"):
         static, drive = example_static(), example_drive(DRIVE_SECONDS)
@@ -195,12 +195,12 @@ def _drive_folder(folder: Path) -> Path | None:
 def _static_part(
     screen: Screen, material: Material, sections: list[object], outputs: Any, out: Path
 ) -> NoiseModel:
-    from schuler.characterize.screening import repair
-    from schuler.characterize.screening import screen as look
     from schuler.cli.characterize import show_characterization
-    from schuler.export.kalibr import kalibr_yaml
-    from schuler.identify import characterize_imu
-    from schuler.scale.progress import progress
+    from schuler.estimation.characterization import characterize_imu
+    from schuler.execution.progress import progress
+    from schuler.io.kalibr import kalibr_yaml
+    from schuler.screening.screen import repair
+    from schuler.screening.screen import screen as look
 
     assert material.static is not None
     with progress("Static log: screening and fitting the noise"):
@@ -228,12 +228,13 @@ def _drive_part(
     from schuler.cli.navigate import show_navigation
     from schuler.cli.outages import show_outages
     from schuler.cli.outputs import json_text
-    from schuler.evaluate.outages import evaluate_outages
-    from schuler.export.trajectory import write_trajectory
-    from schuler.navigate import prepare, run
+    from schuler.evaluation.outages import evaluate_outages
+    from schuler.execution.progress import progress
+    from schuler.io.trajectory import write_trajectory
+    from schuler.navigation.preparation.prepare import prepare
+    from schuler.navigation.run import run
     from schuler.report import NavigationResults
     from schuler.report.sections.outages import OutageResults
-    from schuler.scale.progress import progress
 
     assert material.imu is not None
     assert material.gnss is not None

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
     from schuler.data.trajectory import Trajectory
-    from schuler.processes.noise_model import NoiseModel
-    from schuler.simulate import Profile
+    from schuler.noise.noise_model import NoiseModel
+    from schuler.simulation import Profile
 
 EXAMPLE_RATE = 100.0
 STATIC_HOURS = 2.0
@@ -44,7 +44,7 @@ def example_noise() -> NoiseModel:
     NoiseModel
         White noise, Gauss-Markov and random walk of the usual size.
     """
-    from schuler.processes import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
+    from schuler.noise import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
     from schuler.units import parse
 
     gyro = WhiteNoise(parse("0.3 deg/sqrt(h)", "gyro white noise")) + GaussMarkov(
@@ -69,7 +69,7 @@ def example_static() -> ImuRecording:
     """
     import numpy as np
 
-    from schuler.simulate import simulate_static
+    from schuler.simulation import simulate_static
 
     rng = np.random.default_rng(SEEDS["static log"])
     return simulate_static(
@@ -94,7 +94,7 @@ def example_drive(duration: float, standstill: float = 60.0) -> ExampleDrive:
     """
     import numpy as np
 
-    from schuler.simulate import car_urban, ideal_imu, simulate_gnss, simulate_imu
+    from schuler.simulation import car_urban, ideal_imu, simulate_gnss, simulate_imu
 
     rng = np.random.default_rng(SEEDS["drive"])
     profile: Profile = car_urban(duration, rng, standstill=standstill)

@@ -60,14 +60,14 @@ def export(
 
 
 def _noise_model(source: Path, to: Target, rate: float | None, topic: str) -> str:
-    from schuler.processes import NoiseModel
+    from schuler.noise import NoiseModel
 
     if to in ("csv", "parquet"):
         raise InputError(f"a noise model as {to}", expected="kalibr, yaml or si")
     model = NoiseModel.load(source)
     if to != "kalibr":
         return model.to_yaml("si" if to == "si" else "datasheet")
-    from schuler.export.kalibr import kalibr_yaml
+    from schuler.io.kalibr import kalibr_yaml
 
     rate = rate if rate is not None else model.rate
     if rate is None:
@@ -80,7 +80,7 @@ def _noise_model(source: Path, to: Target, rate: float | None, topic: str) -> st
 
 
 def _trajectory(outputs: Outputs, source: Path, target: Path, to: Target | None) -> None:
-    from schuler.export.trajectory import check_trajectory_name, read_columns, write_columns
+    from schuler.io.trajectory import check_trajectory_name, read_columns, write_columns
 
     if to not in (None, "csv", "parquet"):
         raise InputError(f"a trajectory as {to}", expected="csv or parquet", where=str(source))

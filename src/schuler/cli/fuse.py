@@ -11,12 +11,12 @@ from cyclopts import Parameter
 from schuler.cli.reading import ImuReading
 
 if TYPE_CHECKING:
+    from schuler.arrays.detection.fault_log import FaultRecord
+    from schuler.arrays.detection.faults import FaultDetection
+    from schuler.arrays.detection.lasting_faults import LastingFault, LastingFaults
+    from schuler.arrays.synthesis.synthetic import SyntheticImu
     from schuler.cli.console import Screen
     from schuler.data import ImuArray
-    from schuler.fuse.fault_log import FaultRecord
-    from schuler.fuse.faults import FaultDetection
-    from schuler.fuse.lasting_faults import LastingFault, LastingFaults
-    from schuler.fuse.synthetic import SyntheticImu
 
 # lines of a fault log on the terminal
 MOST_RECORDS = 12
@@ -77,12 +77,12 @@ def fuse(
     reading : ImuReading, optional
         How to read the files.
     """
+    from schuler.arrays.common_axes import require_common_axes
     from schuler.cli.console import Screen
     from schuler.cli.loading import load_array, say_when_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.fuse.common_axes import require_common_axes
-    from schuler.scale.progress import progress
+    from schuler.execution.progress import progress
 
     inputs = (*files, *((calibration,) if calibration else ()))
     outputs = Outputs(out, noise_out, report, json, inputs=inputs)
@@ -90,9 +90,9 @@ def fuse(
     require_common_axes(array)
     say_when_compiling()
     with progress("Fusing"):
-        from schuler.fuse.fault_settings import FaultSettings
-        from schuler.fuse.online import OnlineSettings
-        from schuler.fuse.synthetic import synthesize
+        from schuler.arrays.detection.fault_settings import FaultSettings
+        from schuler.arrays.synthesis.synthetic import synthesize
+        from schuler.arrays.tracking import OnlineSettings
 
         how = OnlineSettings(time_constant=time_constant, learning=learning)
         done = synthesize(
@@ -172,7 +172,7 @@ def faults(
     from schuler.cli.loading import load_array, say_when_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.scale.progress import progress
+    from schuler.execution.progress import progress
 
     inputs = (*files, *healthy, *((calibration,) if calibration else ()))
     outputs = Outputs(report, json, inputs=inputs)
@@ -182,9 +182,9 @@ def faults(
             files, healthy, calibration, window, false_alarm_rate, clocks, reading
         )
     else:
-        from schuler.fuse.common_axes import require_common_axes
-        from schuler.fuse.fault_settings import FaultSettings
-        from schuler.fuse.online import OnlineSettings
+        from schuler.arrays.common_axes import require_common_axes
+        from schuler.arrays.detection.fault_settings import FaultSettings
+        from schuler.arrays.tracking import OnlineSettings
 
         array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
         require_common_axes(array)
@@ -198,7 +198,7 @@ def faults(
         )
         say_when_compiling()
         with progress("Looking for faults"):
-            from schuler.fuse.faults import detect_faults
+            from schuler.arrays.detection.faults import detect_faults
 
             found = detect_faults(array, settings)
         used = {
@@ -223,7 +223,7 @@ def faults(
 def _show_either(
     screen: Screen, found: FaultDetection | LastingFaults, written: tuple[Path, ...]
 ) -> None:
-    from schuler.fuse.faults import FaultDetection
+    from schuler.arrays.detection.faults import FaultDetection
 
     if isinstance(found, FaultDetection):
         show_faults(screen, found, written)
@@ -241,15 +241,15 @@ def _faults_in_motion(
     reading: ImuReading | None,
 ) -> tuple[LastingFaults, dict[str, Any]]:
     """Learn from the healthy recordings, and look at the files."""
-    from schuler.cli.loading import load_array
-    from schuler.errors import InputError
-    from schuler.fuse.calibration.result import ArrayCalibration
-    from schuler.fuse.lasting_faults import (
+    from schuler.arrays.calibration.result import ArrayCalibration
+    from schuler.arrays.detection.lasting_faults import (
         LastingFaultSettings,
         detect_lasting_faults,
         learn_healthy_motion,
     )
-    from schuler.scale.progress import progress
+    from schuler.cli.loading import load_array
+    from schuler.errors import InputError
+    from schuler.execution.progress import progress
 
     if calibration is None:
         raise InputError(
@@ -377,7 +377,7 @@ def show_lasting_faults(
     written : tuple of Path
         Files that were written.
     """
-    from schuler.fuse.lasting_faults import TITLES
+    from schuler.arrays.detection.lasting_faults import TITLES
     from schuler.report.numbers import number
     from schuler.units import format_value
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from schuler.cli.console import say
 from schuler.errors import InputError, SchulerError
-from schuler.scale.progress import progress
+from schuler.execution.progress import progress
 
 if TYPE_CHECKING:
     from schuler.data.array import ImuArray
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
-    from schuler.processes.noise_model import NoiseModel
+    from schuler.noise.noise_model import NoiseModel
 
 
 def load_imu(path: Path, how: dict[str, Any]) -> ImuRecording:
@@ -32,7 +32,7 @@ def load_imu(path: Path, how: dict[str, Any]) -> ImuRecording:
     ImuRecording
         The recording.
     """
-    from schuler.readers import read_imu
+    from schuler.io import read_imu
 
     with progress(f"Reading {path.name}"):
         return read_imu(path, **how)
@@ -53,7 +53,7 @@ def load_gnss(path: Path, how: dict[str, Any]) -> GnssRecording:
     GnssRecording
         The recording.
     """
-    from schuler.readers import read_gnss
+    from schuler.io import read_gnss
 
     with progress(f"Reading {path.name}"):
         return read_gnss(path, **how)
@@ -88,8 +88,8 @@ def load_array(
     InputError
         No file; a calibration of another array.
     """
-    from schuler.fuse.calibration.result import ArrayCalibration
-    from schuler.fuse.reading import read_array
+    from schuler.arrays.calibration.result import ArrayCalibration
+    from schuler.arrays.read import read_array
 
     if not files:
         raise InputError("no file of an array", expected="at least one")
@@ -120,7 +120,7 @@ def load_noise(path: Path | None) -> NoiseModel | None:
     """
     if path is None:
         return None
-    from schuler.processes import NoiseModel
+    from schuler.noise import NoiseModel
 
     return NoiseModel.load(path)
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 from schuler.errors import EstimationError, InputError
 
 if TYPE_CHECKING:
-    from schuler.characterize.screening import Screening
     from schuler.cli.console import Screen
     from schuler.cli.outputs import Outputs
     from schuler.data.imu import ImuRecording
-    from schuler.identify.comparison.methods import ImuMethodComparison
-    from schuler.processes import NoiseModel
+    from schuler.estimation.comparison.methods import ImuMethodComparison
+    from schuler.noise import NoiseModel
+    from schuler.screening.screen import Screening
 
 MOST_FINDINGS = 24
 
@@ -63,7 +63,7 @@ def chosen_methods(named: tuple[str, ...], *, needs_model: bool) -> tuple[str, .
     """
     if not named or set(named) == {"allan"}:
         return ()
-    from schuler.identify.door import METHODS, STRUCTURAL
+    from schuler.estimation.identify import METHODS, STRUCTURAL
 
     for method in named:
         if method not in METHODS and method != "all":
@@ -112,8 +112,8 @@ def compare_and_write(
     from schuler.cli.loading import title_of
     from schuler.cli.outputs import STDOUT, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.identify.comparison.methods import compare_methods_imu
-    from schuler.scale.progress import progress
+    from schuler.estimation.comparison.methods import compare_methods_imu
+    from schuler.execution.progress import progress
 
     with progress("Finding the noise") as shown:
 
@@ -137,7 +137,7 @@ def compare_and_write(
         model = noise_model_of(comparison, methods[0])
         outputs.text(files.noise_out, model.to_yaml)
         if files.kalibr is not None:
-            from schuler.export.kalibr import kalibr_yaml
+            from schuler.io.kalibr import kalibr_yaml
 
             text = kalibr_yaml(model, rate=imu.rate, topic=files.topic)
             outputs.text(files.kalibr, lambda: text)
@@ -186,8 +186,8 @@ def noise_model_of(comparison: ImuMethodComparison, method: str) -> NoiseModel:
     EstimationError
         The method had no answer for a channel.
     """
-    from schuler.identify.door import METHODS
-    from schuler.processes import NoiseModel
+    from schuler.estimation.identify import METHODS
+    from schuler.noise import NoiseModel
 
     processes, errors, limits = {}, {}, {}
     for name, c in comparison.channels.items():

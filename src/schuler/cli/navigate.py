@@ -75,9 +75,10 @@ def navigate(
     from schuler.cli.loading import load_noise, say_when_compiling, title_of
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.export.trajectory import check_trajectory_name, write_trajectory
-    from schuler.navigate import prepare, run
-    from schuler.scale.progress import progress
+    from schuler.execution.progress import progress
+    from schuler.io.trajectory import check_trajectory_name, write_trajectory
+    from schuler.navigation.preparation.prepare import prepare
+    from schuler.navigation.run import run
 
     options = several or ArrayOptions()
     require_one(imu, options)
@@ -141,10 +142,10 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
     tuple of ImuRecording and GnssRecording
         The two recordings.
     """
-    from schuler.characterize.screening import repair, screen
     from schuler.cli.loading import load_gnss, load_imu
     from schuler.data.imu import CHANNELS
-    from schuler.navigate.aiding import require_overlap
+    from schuler.navigation.aiding.gnss import require_overlap
+    from schuler.screening.screen import repair, screen
 
     recording = load_imu(imu, reading.imu_options())
     fixes = load_gnss(gnss, reading.gnss_options())
@@ -166,7 +167,7 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
     if reading.repair:
         recording = repair(recording, screening)
     if reading.flip:
-        from schuler.navigate.diagnosis import check_flip, flipped
+        from schuler.navigation.preparation.diagnosis import check_flip, flipped
 
         recording = flipped(recording, check_flip(reading.flip))
     return recording, fixes

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
-    from schuler.evaluate.error_model_comparison import ErrorModelComparison
-    from schuler.processes.noise_model import NoiseModel
+    from schuler.evaluation.error_model_comparison import ErrorModelComparison
+    from schuler.noise.noise_model import NoiseModel
 
 MOST_ROWS = 12
 
@@ -48,7 +48,7 @@ class ModelOptions:
         InputError
             A name that is not known, or twice; a static log without models.
         """
-        from schuler.navigate.error_models import split_model_name
+        from schuler.navigation.error_models.catalogue import split_model_name
 
         if self.models is None:
             if self.static is not None:
@@ -86,12 +86,12 @@ def compare(
     ErrorModelComparison
         Causal and smoothed.
     """
-    from schuler.characterize.screening import screen
     from schuler.cli.loading import load_imu
-    from schuler.evaluate.error_model_comparison import compare_error_models
-    from schuler.navigate.allan_readings import readings_of_static
-    from schuler.navigate.model_sources import error_models
-    from schuler.scale.progress import progress
+    from schuler.evaluation.error_model_comparison import compare_error_models
+    from schuler.execution.progress import progress
+    from schuler.navigation.error_models.allan_readings import readings_of_static
+    from schuler.navigation.error_models.sources import error_models
+    from schuler.screening.screen import screen
 
     if "measurements" in keywords:
         raise InputError(

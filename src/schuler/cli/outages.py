@@ -16,7 +16,7 @@ from schuler.errors import InputError
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.data.gnss import GnssRecording
-    from schuler.evaluate.outages import OutageEvaluation
+    from schuler.evaluation.outages import OutageEvaluation
 
 MOST_ROWS = 12
 
@@ -79,9 +79,9 @@ def outages(
     from schuler.cli.outage_models import compare, comparison_json, show_comparison
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.evaluate.outages import evaluate_outages
+    from schuler.evaluation.outages import evaluate_outages
+    from schuler.execution.progress import progress
     from schuler.report import render_report
-    from schuler.scale.progress import progress
 
     options, beside = told or ModelOptions(), sensors or SensorOptions()
     beside.check()

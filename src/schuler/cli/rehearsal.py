@@ -8,10 +8,10 @@ from collections.abc import Callable
 def _characterize() -> None:
     import numpy as np
 
-    from schuler.characterize.screening import screen
     from schuler.cli.example import EXAMPLE_RATE, example_noise
-    from schuler.identify import characterize_imu
-    from schuler.simulate import simulate_static
+    from schuler.estimation.characterization import characterize_imu
+    from schuler.screening.screen import screen
+    from schuler.simulation import simulate_static
 
     log = simulate_static(example_noise(), 120.0, EXAMPLE_RATE, np.random.default_rng(1))
     screen(log)
@@ -20,7 +20,7 @@ def _characterize() -> None:
 
 def _navigate() -> None:
     from schuler.cli.example import example_drive, example_noise
-    from schuler.navigate import navigate
+    from schuler.navigation.navigate import navigate
 
     drive = example_drive(120.0, standstill=20.0)
     navigate(drive.imu, drive.gnss, example_noise(), smooth=True)
@@ -32,8 +32,8 @@ def _methods() -> None:
     import numpy as np
 
     from schuler.cli.example import EXAMPLE_RATE, example_noise
-    from schuler.identify import METHODS
-    from schuler.identify.comparison.methods import compare_methods
+    from schuler.estimation.comparison.methods import compare_methods
+    from schuler.estimation.identify import METHODS
 
     signal = (
         example_noise()
@@ -45,7 +45,7 @@ def _methods() -> None:
 
 def _outages() -> None:
     from schuler.cli.example import example_drive, example_noise
-    from schuler.evaluate.outages import evaluate_outages
+    from schuler.evaluation.outages import evaluate_outages
 
     drive = example_drive(120.0, standstill=20.0)
     evaluate_outages(drive.imu, drive.gnss, example_noise(), windows=((60.0, 10.0),))
@@ -54,8 +54,8 @@ def _outages() -> None:
 def _arrays() -> None:
     import numpy as np
 
+    from schuler.arrays.clocks.jumps import find_jumps
     from schuler.data import ImuArray, Mounting
-    from schuler.fuse.clocks.jumps import find_jumps
 
     rng = np.random.default_rng(3)
     time = np.arange(1000) / 100.0
@@ -69,8 +69,8 @@ def _mechanizations() -> None:
 
     from schuler.cli.example import EXAMPLE_RATE, example_noise
     from schuler.data.array import ImuArray, Mounting
-    from schuler.evaluate.mechanizations import compare_mechanizations
-    from schuler.simulate import car_urban, simulate_array, simulate_gnss
+    from schuler.evaluation.mechanizations import compare_mechanizations
+    from schuler.simulation import car_urban, simulate_array, simulate_gnss
 
     rng = np.random.default_rng(3)
     profile = car_urban(90.0, rng, standstill=20.0)
@@ -85,9 +85,9 @@ def _mechanizations() -> None:
 def _synthetic() -> None:
     import numpy as np
 
+    from schuler.arrays.detection.fault_settings import FaultSettings
+    from schuler.arrays.synthesis.synthetic import synthesize
     from schuler.data import ImuArray, Mounting
-    from schuler.fuse.fault_settings import FaultSettings
-    from schuler.fuse.synthetic import synthesize
 
     rng = np.random.default_rng(3)
     noise = 1e-3 * rng.standard_normal((2, 2000, 4, 3))

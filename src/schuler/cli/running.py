@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from schuler.navigate.measurements import MeasurementOptions
+    from schuler.navigation.aiding.options import MeasurementOptions
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class RunOptions:
     gnss_correlated: str | None = None
 
     def keywords(self) -> dict[str, Any]:
-        """Return them as `schuler.navigate.prepare` and `evaluate_outages` want them.
+        """Return them as `schuler.navigation.prepare` and `evaluate_outages` want them.
 
         Returns
         -------
@@ -67,7 +67,7 @@ class RunOptions:
             Numbers that are not understood.
         """
         from schuler.cli.loading import parse_numbers
-        from schuler.navigate.vehicle import check_constraints
+        from schuler.navigation.aiding.vehicle import check_constraints
 
         known: dict[str, Any] = {
             "lever_arm": parse_numbers(
@@ -94,9 +94,9 @@ class RunOptions:
 
     def _measurements(self) -> MeasurementOptions:
         from schuler.cli.loading import parse_numbers
-        from schuler.navigate.attitude_sources import CorrelatedGnss
-        from schuler.navigate.measurements import MeasurementOptions
-        from schuler.navigate.weighting import GnssWeighting
+        from schuler.navigation.aiding.attitude_sources import CorrelatedGnss
+        from schuler.navigation.aiding.options import MeasurementOptions
+        from schuler.navigation.aiding.weighting import GnssWeighting
 
         correlated = None
         if self.gnss_correlated is not None:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.data._checks import FloatArray
-    from schuler.navigate.attitude_sources import StatefulAiding
-    from schuler.readers.sensors import SensorKind, SensorSeries
+    from schuler.io.sensors import SensorKind, SensorSeries
+    from schuler.navigation.aiding.attitude_sources import StatefulAiding
+    from schuler.types import FloatArray
 
 MICROTESLA = 1e-6
 
@@ -139,14 +139,15 @@ class SensorOptions:
         """
         if not self.files:
             return known
-        from schuler.navigate.measurements import PLAIN
+        from schuler.navigation.aiding.options import PLAIN
 
         told = known.get("measurements", PLAIN)
         return known | {"measurements": replace(told, sources=self._sources(time, repair))}
 
     def _sources(self, time: FloatArray, repair: bool) -> tuple[StatefulAiding, ...]:
         from schuler.cli.loading import parse_numbers
-        from schuler.navigate.attitude_sources import (
+        from schuler.io.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
+        from schuler.navigation.aiding.attitude_sources import (
             Barometer,
             Heading,
             Magnetometer,
@@ -154,7 +155,6 @@ class SensorOptions:
             height_of_pressure,
             pressure_per_height,
         )
-        from schuler.readers.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
 
         sources: list[StatefulAiding] = []
         if self.heading_file is not None:
@@ -192,8 +192,8 @@ def _read(
     path: Path, kind: SensorKind, unit: str | None, time: FloatArray, repair: bool
 ) -> SensorSeries:
     """Read a file; raise when nothing of it falls into the time of the IMU."""
-    from schuler.readers import read_sensor
-    from schuler.scale.progress import progress
+    from schuler.execution.progress import progress
+    from schuler.io import read_sensor
 
     with progress(f"Reading {path.name}"):
         seen = read_sensor(path, kind, unit=unit, repair=repair)

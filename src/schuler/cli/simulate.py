@@ -13,10 +13,10 @@ from schuler.errors import InputError
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.data.imu import ImuRecording
-    from schuler.processes.noise_model import NoiseModel
-    from schuler.simulate.profile import Profile
-    from schuler.simulate.receivers import GnssGrade
-    from schuler.simulate.scenario import Scenario, SensorFaults, SimulatedDrive
+    from schuler.noise.noise_model import NoiseModel
+    from schuler.simulation.motions.profile import Profile
+    from schuler.simulation.receivers import GnssGrade
+    from schuler.simulation.scenario import Scenario, SensorFaults, SimulatedDrive
 
 Motion = Literal["static", "car_urban", "car_mixed", "motorcycle", "ski", "walk", "drone"]
 
@@ -169,8 +169,8 @@ def simulate(
     from schuler.cli.console import Screen
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.simulate_files import description, make_folder, write_drive
-    from schuler.scale.progress import progress
-    from schuler.simulate.scenario import simulate_drive
+    from schuler.execution.progress import progress
+    from schuler.simulation.scenario import simulate_drive
 
     options, gnss = sensor or SensorOptions(), receiver or ReceiverOptions()
     inputs = [p for p in (waypoints, track, options.noise) if p is not None]
@@ -224,8 +224,8 @@ def scenario_of(
     from schuler.cli.loading import parse_numbers
     from schuler.cli.simulate_files import parse_faults, profile_of
     from schuler.rotations import dcm_from_euler
-    from schuler.simulate.scenario import Scenario
-    from schuler.simulate.stamps import StampErrors
+    from schuler.simulation.scenario import Scenario
+    from schuler.simulation.stamps import StampErrors
 
     profile: Profile | None = None
     if waypoints is not None or track is not None:
@@ -274,7 +274,7 @@ def scenario_of(
 
 def _noise(sensor: SensorOptions) -> NoiseModel | None:
     from schuler.cli.loading import load_noise
-    from schuler.simulate.grades import grade_noise
+    from schuler.simulation.grades import grade_noise
 
     if sensor.noise is not None:
         return load_noise(sensor.noise)
@@ -282,7 +282,7 @@ def _noise(sensor: SensorOptions) -> NoiseModel | None:
 
 
 def _grade(name: str) -> GnssGrade:
-    from schuler.simulate.receivers import DIFFERENTIAL_CODE, L1_CODE, RTK_FIXED
+    from schuler.simulation.receivers import DIFFERENTIAL_CODE, L1_CODE, RTK_FIXED
 
     return {"code": L1_CODE, "differential": DIFFERENTIAL_CODE, "rtk": RTK_FIXED}[name]
 
@@ -290,7 +290,7 @@ def _grade(name: str) -> GnssGrade:
 def _sensor(options: SensorOptions) -> SensorFaults:
     from math import radians
 
-    from schuler.simulate.scenario import SensorFaults
+    from schuler.simulation.scenario import SensorFaults
     from schuler.units import STANDARD_GRAVITY
 
     infinite = float("inf")
@@ -312,7 +312,7 @@ def _array(text: str | None) -> Any:
     """Rotations and positions of the IMUs of an array, None for one IMU."""
     if text is None:
         return None, None
-    from schuler.fuse.geometry import orthogonal_mounting, tetrahedron_mounting
+    from schuler.arrays.geometry import orthogonal_mounting, tetrahedron_mounting
 
     name, _, radius = text.partition(":")
     expected = "--array tetrahedron, tetrahedron:RADIUS in m, or a number of IMUs such as 4"

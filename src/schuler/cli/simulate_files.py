@@ -10,10 +10,10 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.simulate import ReceiverOptions, SensorOptions
-    from schuler.simulate.faults import Fault
-    from schuler.simulate.fix_faults import FixFault
-    from schuler.simulate.profile import Profile
-    from schuler.simulate.scenario import Scenario, SimulatedDrive
+    from schuler.simulation.faults import Fault
+    from schuler.simulation.gnss_faults import FixFault
+    from schuler.simulation.motions.profile import Profile
+    from schuler.simulation.scenario import Scenario, SimulatedDrive
 
 FAULTS = (
     "gap:START:SECONDS, hold:START:SECONDS, jump:START:STEP[:SECONDS], "
@@ -41,7 +41,7 @@ def parse_faults(texts: tuple[str, ...]) -> tuple[tuple[Fault, ...], tuple[FixFa
     InputError
         A fault that is not understood.
     """
-    from schuler.simulate.fix_faults import LateStamps, WrongFix
+    from schuler.simulation.gnss_faults import LateStamps, WrongFix
 
     imu: list[Fault] = []
     gnss: list[FixFault] = []
@@ -55,8 +55,8 @@ def parse_faults(texts: tuple[str, ...]) -> tuple[tuple[Fault, ...], tuple[FixFa
 
 
 def _parse_fault(text: str) -> Fault | FixFault:
-    from schuler.simulate import faults as f
-    from schuler.simulate.fix_faults import LateStamps, WrongFix
+    from schuler.simulation import faults as f
+    from schuler.simulation.gnss_faults import LateStamps, WrongFix
 
     kind, *rest = text.split(":")
     try:
@@ -118,7 +118,7 @@ def profile_of(
     InputError
         Both files, or a table without what is needed.
     """
-    from schuler.simulate.tracks import from_track
+    from schuler.simulation.motions.tracks import from_track
 
     if waypoints is not None and track is not None:
         raise InputError("--waypoints and --track together", expected="one of them")
@@ -138,7 +138,7 @@ def _waypoints(path: Path) -> Profile:
     import numpy as np
     import polars
 
-    from schuler.simulate.profile import from_waypoints
+    from schuler.simulation.motions.profile import from_waypoints
 
     if not path.is_file():
         raise InputError("there is no such file", where=str(path))
@@ -274,7 +274,7 @@ def write_drive(
     import yaml
 
     from schuler.cli.outputs import Outputs
-    from schuler.export.trajectory import truth_columns, write_columns
+    from schuler.io.trajectory import truth_columns, write_columns
 
     several = len(drive.imus) > 1
     names = [f"imu{k + 1}.{form}" if several else f"imu.{form}" for k in range(len(drive.imus))]

@@ -12,7 +12,7 @@ from schuler.cli.running import RunOptions
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
-    from schuler.navigate.inflation import NoiseTuning
+    from schuler.navigation.tuning.inflation import NoiseTuning
 
 
 def tune(
@@ -56,9 +56,9 @@ def tune(
     from schuler.cli.navigate import load_drive
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
-    from schuler.navigate.inflation import tune_noise
+    from schuler.execution.progress import progress
+    from schuler.navigation.tuning.inflation import tune_noise
     from schuler.report import render_report
-    from schuler.scale.progress import progress
 
     inputs = (imu, gnss, noise)
     outputs = Outputs(noise_out, report, json, inputs=inputs)

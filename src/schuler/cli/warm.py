@@ -12,8 +12,8 @@ def warm() -> None:
     """
     from schuler.cli.console import Screen
     from schuler.cli.rehearsal import REHEARSALS
+    from schuler.execution.progress import progress
     from schuler.kernels.compile import cache_directory
-    from schuler.scale.progress import progress
 
     began = time.monotonic()
     with progress("Compiling kernels") as shown:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-
-FloatArray = NDArray[np.float64]
+from schuler.types import FloatArray
 
 
 def frozen(values: ArrayLike, what: str, shape: tuple[int | None, ...]) -> FloatArray:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.data._checks import FloatArray, check_finite, check_time, frozen, median_step
+from schuler.data._checks import check_finite, check_time, frozen, median_step
 from schuler.data.imu import ImuRecording
 from schuler.errors import InputError
+from schuler.types import FloatArray
 
 ORTHONORMAL_TOLERANCE = 1e-6
 """Largest element of C C' - I that is still taken for rounding."""

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data._checks import FloatArray, check_finite, check_time, frozen
+from schuler.data._checks import check_finite, check_time, frozen
 from schuler.errors import InputError
+from schuler.types import FloatArray
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.data._checks import FloatArray, check_finite, check_time, frozen, median_step
+from schuler.data._checks import check_finite, check_time, frozen, median_step
 from schuler.errors import InputError
+from schuler.types import FloatArray
 
 if TYPE_CHECKING:
     from pathlib import Path

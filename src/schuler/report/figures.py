@@ -13,7 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from schuler.types import FloatArray
+
 Dash = Literal["solid", "dot", "dash", "dashdot"]
 
 AXIS_COLOURS = {"x": "@x", "y": "@y", "z": "@z", "north": "@x", "east": "@y", "down": "@z"}

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from schuler.fuse.calibration.disagreement import Disagreement
-from schuler.fuse.calibration.result import ArrayCalibration
-from schuler.fuse.calibration.review import CalibrationReview, Judgement, PhaseView, RateCurve
+from schuler.arrays.calibration.disagreement import Disagreement
+from schuler.arrays.calibration.result import ArrayCalibration
+from schuler.arrays.calibration.review import CalibrationReview, Judgement, PhaseView, RateCurve
 from schuler.report.blocks import (
     Block,
     Facts,

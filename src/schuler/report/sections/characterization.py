@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.data.imu import CHANNELS
-from schuler.identify import Identification, ImuCharacterization
-from schuler.processes.base import Process
-from schuler.processes.gauss_markov import FLICKER_LEVEL
+from schuler.estimation.characterization import ImuCharacterization
+from schuler.estimation.identification import Identification
+from schuler.noise.base import Process
+from schuler.noise.gauss_markov import FLICKER_LEVEL
 from schuler.report.blocks import (
     Facts,
     Figure,
@@ -27,9 +27,8 @@ from schuler.report.numbers import duration, number
 from schuler.report.sections.parameters import parameter_rows
 from schuler.report.sections.recording import channel_title, pretty
 from schuler.report.sections.registry import register
+from schuler.types import FloatArray
 from schuler.units import kind_of, scale
-
-FloatArray = NDArray[np.float64]
 
 SHOWN_UNITS = {"gyro": ("gyro bias", "deg/h"), "accel": ("accel bias", "ug")}
 PARTS: dict[str, tuple[str, str, Dash]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.denoise import AllanEffect, Denoised
+from schuler.denoising import AllanEffect, Denoised
 from schuler.report.blocks import (
     Block,
     Figure,

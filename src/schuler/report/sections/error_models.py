@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.evaluate.error_model_comparison import (
+from schuler.evaluation.error_model_comparison import (
     METRICS,
     ErrorModelComparison,
     Metric,
 )
-from schuler.evaluate.paired import PERCENTAGES, PairedStatistics
+from schuler.evaluation.paired import PERCENTAGES, PairedStatistics
 from schuler.report.blocks import (
     Block,
     Figure,

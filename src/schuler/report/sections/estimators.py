@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from schuler.identify.arma.fit import ArmaFit
-from schuler.identify.autoregressive.result import ArFit
-from schuler.identify.comparison.methods import MethodComparison
-from schuler.identify.garch.fit import GarchFit
-from schuler.identify.orthogonal_search.result import FosFit
-from schuler.identify.result import MethodIdentification
-from schuler.identify.series_methods import ArGarchFit
+from schuler.estimation.arma.fit import ArmaFit
+from schuler.estimation.autoregressive.result import ArFit
+from schuler.estimation.comparison.methods import MethodComparison
+from schuler.estimation.garch.fit import GarchFit
+from schuler.estimation.orthogonal_search.result import FosFit
+from schuler.estimation.result import MethodIdentification
+from schuler.estimation.series_methods import ArGarchFit
 from schuler.report.blocks import Block, Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, limits, line, marks
 from schuler.report.numbers import MISSING, compact_with_error, number

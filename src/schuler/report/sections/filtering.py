@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.data.trajectory import Innovations, NavigationSolution
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, band, broken_at_gaps, limits, line, marks, shaded
 from schuler.report.numbers import number, percent
+from schuler.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]
 DIRECTIONS = ("north", "east", "down")
 VEHICLE_DIRECTIONS = ("forward", "right", "down")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.fuse.lasting_faults import TITLES, LastingFaults
+from schuler.arrays.detection.lasting_faults import TITLES, LastingFaults
 from schuler.report.blocks import (
     Block,
     Facts,

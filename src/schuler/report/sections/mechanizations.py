@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.data.trajectory import NavigationSolution
-from schuler.evaluate.mechanizations import (
+from schuler.evaluation.mechanizations import (
     COMPONENTS,
     MechanizationComparison,
     MechanizationResult,
@@ -28,8 +27,7 @@ from schuler.report.blocks import (
 from schuler.report.figures import axis, limits, line, marks, shaded
 from schuler.report.numbers import number
 from schuler.report.sections.registry import register
-
-FloatArray = NDArray[np.float64]
+from schuler.types import FloatArray
 
 COLOURS = {
     "single": "@gnss",

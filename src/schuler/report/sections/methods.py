@@ -6,12 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from schuler.identify.comparison.curves import Theory
-from schuler.identify.comparison.methods import ImuMethodComparison, MethodComparison
-from schuler.identify.comparison.parameters import ParameterAgreement
-from schuler.identify.door import METHODS
+from schuler.estimation.comparison.curves import Theory
+from schuler.estimation.comparison.methods import ImuMethodComparison, MethodComparison
+from schuler.estimation.comparison.parameters import ParameterAgreement
+from schuler.estimation.identify import METHODS
 from schuler.report.blocks import (
     Block,
     Facts,
@@ -29,8 +28,8 @@ from schuler.report.sections.estimators import estimator_sections
 from schuler.report.sections.method_words import quantity, shown_name, unit_of
 from schuler.report.sections.registry import register
 from schuler.report.sections.residuals import residual_section
+from schuler.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Channels = dict[str, MethodComparison]
 
 STROKES: dict[str, tuple[str, Dash, float]] = {

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.data.gnss import GnssRecording
 from schuler.data.trajectory import NavigationSolution, Trajectory
@@ -19,8 +18,8 @@ from schuler.report.sections.condition import condition_section
 from schuler.report.sections.filtering import innovation_section, sensor_error_section
 from schuler.report.sections.registry import register
 from schuler.report.sections.uncertainty import uncertainty_section
+from schuler.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 TRACK_POINTS = 2000
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.navigate.observability_run import RunObservability, observed_states
+from schuler.navigation.observability_run import RunObservability, observed_states
 from schuler.report.blocks import (
     Facts,
     Figure,

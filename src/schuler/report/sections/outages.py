@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.data.gnss import GnssRecording
-from schuler.evaluate.outages import OutageEvaluation, OutageStatistics, OutageWindow
+from schuler.evaluation.outages import OutageEvaluation, OutageStatistics, OutageWindow
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, band, limits, line, marks
 from schuler.report.numbers import number, percent
 from schuler.report.sections.navigation import NavigationResults, track_figure
 from schuler.report.sections.registry import register
+from schuler.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 FOLD_ABOVE = 12
 """Tables with more windows than this are shown on demand."""
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from schuler.processes.noise_model import NoiseModel
-from schuler.processes.noise_model_file import parameter_kind
+from schuler.noise.noise_model import NoiseModel
+from schuler.noise.noise_model_file import parameter_kind
 from schuler.report.numbers import MISSING, compact_with_error, number, with_error
 from schuler.report.sections.recording import pretty
 from schuler.units import kind_of, scale

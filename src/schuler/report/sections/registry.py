@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import singledispatch
 from importlib import import_module
+from importlib.metadata import entry_points
 
 from schuler.errors import InputError
 from schuler.report.blocks import Section
@@ -11,23 +12,22 @@ from schuler.report.blocks import Section
 _HOMES = {
     "schuler.data.imu": "recording",
     "schuler.data.trajectory": "navigation",
-    "schuler.characterize": "screening",
-    "schuler.identify": "characterization",
-    "schuler.identify.comparison.methods": "methods",
-    "schuler.identify.comparison.replicates": "replicates",
-    "schuler.denoise": "denoising",
-    "schuler.navigate.inflation": "tuning",
-    "schuler.evaluate": "outages",
-    "schuler.evaluate.mechanizations": "mechanizations",
-    "schuler.navigate.observability_run": "observability",
-    "schuler.fuse.synthetic": "sensor_arrays",
-    "schuler.fuse.faults": "sensor_arrays",
-    "schuler.fuse.lasting_faults": "lasting_faults",
-    "schuler.fuse.geometry": "sensor_arrays",
-    "schuler.fuse.merit": "sensor_arrays",
-    "schuler.studies.reproduction": "reproduction",
-    "schuler.evaluate.error_model_comparison": "error_models",
-    "schuler.fuse.calibration.review": "calibration",
+    "schuler.screening": "screening",
+    "schuler.estimation": "characterization",
+    "schuler.estimation.comparison.methods": "methods",
+    "schuler.estimation.comparison.replicates": "replicates",
+    "schuler.denoising": "denoising",
+    "schuler.navigation.tuning.inflation": "tuning",
+    "schuler.evaluation": "outages",
+    "schuler.evaluation.mechanizations": "mechanizations",
+    "schuler.navigation.observability_run": "observability",
+    "schuler.arrays.synthesis.synthetic": "sensor_arrays",
+    "schuler.arrays.detection.faults": "sensor_arrays",
+    "schuler.arrays.detection.lasting_faults": "lasting_faults",
+    "schuler.arrays.geometry": "sensor_arrays",
+    "schuler.arrays.merit": "sensor_arrays",
+    "schuler.evaluation.error_model_comparison": "error_models",
+    "schuler.arrays.calibration.review": "calibration",
     "schuler.report.sections.navigation": "navigation",
     "schuler.report.sections.simulation": "simulation",
     "schuler.report.sections.outages": "outages",
@@ -74,4 +74,8 @@ def sections_of(result: object) -> tuple[Section, ...]:
     for start, home in _HOMES.items():
         if f"{module}.".startswith(f"{start}."):
             import_module(f"schuler.report.sections.{home}")
+    for point in entry_points(group="schuler.report_sections"):
+        # A section of another package shows results of that package.
+        if point.value.partition(".")[0] == module.partition(".")[0]:
+            point.load()
     return _sections(result)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.identify.comparison.replicates import PooledParameter, ReplicateComparison
+from schuler.estimation.comparison.replicates import PooledParameter, ReplicateComparison
 from schuler.report.blocks import (
     Block,
     Facts,

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from schuler.identify.comparison.methods import MethodComparison
-from schuler.identify.residuals.diagnostics import ResidualDiagnostics
+from schuler.estimation.comparison.methods import MethodComparison
+from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
 from schuler.report.blocks import Block, Figure, FigureGrid, LegendItem, Prose, Section, Table
 from schuler.report.figures import axis, band, limits, line, marks
 from schuler.report.numbers import MISSING, number

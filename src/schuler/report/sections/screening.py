@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from schuler.characterize.screening import Finding as Seen
-from schuler.characterize.screening import Screening
 from schuler.report.blocks import Facts, Finding, Findings, Section
 from schuler.report.numbers import duration, number
 from schuler.report.sections.registry import register
+from schuler.screening.screen import Finding as Seen
+from schuler.screening.screen import Screening
 
 MOST_INTERVALS = 4
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from schuler.fuse.faults import FaultDetection, SensorFaults
-from schuler.fuse.fused_sensor import FusedSensor
-from schuler.fuse.geometry import Geometry
-from schuler.fuse.merit import FiguresOfMerit, figures_of_merit
-from schuler.fuse.synthetic import SyntheticImu
+from schuler.arrays.detection.faults import FaultDetection, SensorFaults
+from schuler.arrays.geometry import Geometry
+from schuler.arrays.merit import FiguresOfMerit, figures_of_merit
+from schuler.arrays.synthesis.fused_sensor import FusedSensor
+from schuler.arrays.synthesis.synthetic import SyntheticImu
 from schuler.report.blocks import (
     Block,
     Facts,
@@ -28,8 +27,6 @@ from schuler.report.figures import axis, limits, line, marks, shaded
 from schuler.report.numbers import duration, number, percent
 from schuler.report.sections.registry import register
 from schuler.units import scale
-
-FloatArray = NDArray[np.float64]
 
 COLOURS = ("@x", "@y", "@z", "@markov", "@white", "@walk", "@other", "@good")
 """Of IMUs, in turn."""

@@ -20,7 +20,7 @@ from schuler.report.figures import axis, line, marks
 from schuler.report.numbers import duration, number
 from schuler.report.sections.navigation import local_track, motion_figures, near_track
 from schuler.report.sections.registry import register
-from schuler.simulate.scenario import SimulatedDrive
+from schuler.simulation.scenario import SimulatedDrive
 
 
 @dataclass(frozen=True, slots=True, eq=False)

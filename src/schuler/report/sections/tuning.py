@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.navigate.inflation import NoiseInflation, NoiseTuning
+from schuler.navigation.tuning.inflation import NoiseInflation, NoiseTuning
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, line, marks
 from schuler.report.numbers import number

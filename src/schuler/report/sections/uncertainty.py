@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.data.trajectory import NavigationSolution, Trajectory
 from schuler.earth import metres_per_radian
 from schuler.report.blocks import Block, Figure, FigureGrid, LegendItem, Prose, Section, Table
 from schuler.report.figures import axis, band, limits, line, shaded
 from schuler.report.numbers import number, percent
+from schuler.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]
 Answers = tuple[tuple[str, str, NavigationSolution], ...]
 DIRECTIONS = ("north", "east", "down")

@@ -1,0 +1,258 @@
+"""Accelerometers of an array: lever arms, axes, scale and biases against their mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.arrays.calibration.regression import regress_vectors, scale_by_motion
+from schuler.arrays.calibration.rows import Rests
+from schuler.errors import EstimationError
+from schuler.rotations import skew
+from schuler.types import FloatArray
+
+ELEMENT_PRIOR = 0.1
+"""Standard deviation beforehand of an element of a sensitivity."""
+BIAS_PRIOR = 5.0
+"""Of a bias, m/s²."""
+ARM_PRIOR = 0.3
+"""Of a lever arm, m."""
+STILL = 0.5
+"""Seconds of rest that are averaged into one row."""
+CLUSTER = 1.0
+"""Seconds over which residuals may be correlated."""
+ROUNDS = 4
+"""Of fitting everything against the mean of what is fitted."""
+FAINT_FORCE = 0.3
+"""m/s²: forces that vary by less along an axis do not separate scale from bias there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AccelerometerFit:
+    """Accelerometers of an array against their mean.
+
+    Parameters
+    ----------
+    sensor : (k, 3, 3) ndarray
+        What an accelerometer triad shows of the force in the body, in its own axes; the mean of
+        C_bs times it over the IMUs is one, or what was given for it.
+    deviation : (k, 3, 3) ndarray
+        C_bs sensor - I.
+    deviation_sd : (k, 3, 3) ndarray
+        Standard deviations of these.
+    bias, bias_sd : (k, 3) ndarray
+        Differences from the mean, in the axes of the sensor, m/s².
+    position, position_sd : (k, 3) ndarray
+        Lever arms from the mean position, in the body, m.
+    unseen : (m, 3) ndarray
+        Axes of the body along which the force hardly varied.
+    arms_seen : bool
+        Whether there was rotation enough for lever arms.
+    rows : int
+        Rows that the fit rests on.
+    """
+
+    sensor: FloatArray
+    deviation: FloatArray
+    deviation_sd: FloatArray
+    bias: FloatArray
+    bias_sd: FloatArray
+    position: FloatArray
+    position_sd: FloatArray
+    unseen: FloatArray
+    arms_seen: bool
+    rows: int
+
+
+def arm_matrix(rate: FloatArray, angular_acceleration: FloatArray) -> FloatArray:
+    """Return what turns a lever arm into the specific force that rotation adds at its end.
+
+    Parameters
+    ----------
+    rate : (n, 3) ndarray
+        Rate of the body, rad/s.
+    angular_acceleration : (n, 3) ndarray
+        rad/s².
+
+    Returns
+    -------
+    (n, 3, 3) ndarray
+        [dw/dt x] + [w x][w x], 1/s². Source: spec 1.4.
+    """
+    cross = skew(rate)
+    return np.asarray(skew(angular_acceleration) + cross @ cross)
+
+
+def fit_accelerometers(
+    time: FloatArray,
+    accel: FloatArray,
+    start: FloatArray,
+    rate: FloatArray,
+    angular_acceleration: FloatArray,
+    relative_delay: FloatArray,
+    position: FloatArray,
+    rests: Rests,
+    *,
+    model: str = "matrix",
+    mean_sensor: FloatArray | None = None,
+) -> AccelerometerFit:
+    """Fit what every accelerometer triad shows of the mean force of all, and where it sits.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        Stamps, s.
+    accel : (n, k, 3) ndarray
+        Specific force in each IMU's axes, m/s²; NaN where missing.
+    start : (k, 3, 3) ndarray
+        C_bs to which everything is a small correction, from the gyros.
+    rate, angular_acceleration : (n, 3) ndarray
+        Of the body, from the gyros, rad/s and rad/s².
+    relative_delay : (n, k) ndarray
+        Delays less their mean, s.
+    position : (k, 3) ndarray
+        Lever arms declared, m: taken off before anything is fitted, and refined last.
+    rests : Rests
+        When the array stood still.
+    model : {"matrix", "rotation"}
+        All nine elements; or none, the turns of the gyros being taken for the accelerometers,
+        where forces vary too little.
+    mean_sensor : (3, 3) ndarray, optional
+        What the sensors show of the force on the mean, where gravity has told it (`fit_poses`); one
+        if not given. Lever arms come out wrong by the share that it is off.
+
+    Returns
+    -------
+    AccelerometerFit
+        By r = E f + b + T l - d df/dt for the turned reading minus the mean f of all: rests
+        averaged, motion with noise that follows rotation. The mean lever arm stays what was
+        declared.
+
+    Raises
+    ------
+    EstimationError
+        Fewer than fifty rows.
+    """
+    k = accel.shape[1]
+    turned = np.einsum("kij,nkj->nki", start, accel)
+    arms = position - position.mean(axis=0)
+    tensor = arm_matrix(rate, angular_acceleration)
+    good = np.isfinite(turned).all(axis=(1, 2)) & np.isfinite(tensor).all(axis=(1, 2))
+    rows = _still_rows(time, turned, tensor, good & rests.rows, rests)
+    lively = np.flatnonzero(good & ~rests.rows & np.isfinite(relative_delay).all(axis=1))
+    slope = _slope(time, turned.mean(axis=1))
+    lively = lively[np.isfinite(slope[lively]).all(axis=1)]
+    if rows.turned.shape[0] + lively.size < 50:
+        raise EstimationError(
+            f"{rows.turned.shape[0] + lively.size} rows in which all accelerometers are there",
+            expected="at least 50",
+        )
+    shown = np.concatenate([rows.turned, turned[lively]])
+    shown[rows.turned.shape[0] :] += relative_delay[lively][..., None] * slope[lively][:, None]
+    arm = np.concatenate([rows.tensor, tensor[lively]])
+    when = np.concatenate([rows.time, time[lively]])
+    cluster = np.floor((when - time[0]) / CLUSTER).astype(np.int64)
+    motion = np.concatenate(
+        [np.zeros(rows.turned.shape[0]), np.linalg.norm(tensor[lively], axis=(1, 2))]
+    )
+    common = np.eye(3) if mean_sensor is None else mean_sensor
+    relative, offset = common[None].repeat(k, axis=0), np.zeros((k, 3))
+    force = np.asarray(np.mean(shown - np.einsum("mij,kj->mki", arm, arms), axis=1))
+    projector, unseen = _varied(force)
+    priors = np.concatenate(
+        [np.full(9, ELEMENT_PRIOR if model == "matrix" else 1e-9), np.full(3, BIAS_PRIOR),
+         np.full(3, ARM_PRIOR)]
+    )  # fmt: skip
+    for turn in range(ROUNDS):
+        free = shown - np.einsum("kij,mjl,kl->mki", relative, arm, arms) - offset
+        force = np.asarray(np.einsum("kij,mkj->mki", np.linalg.inv(relative), free).mean(axis=1))
+        scale = _scales(free - np.einsum("kij,mj->mki", relative, force), motion)
+        values, sds = np.empty((k, 15)), np.empty((k, 15))
+        for i in range(k):
+            # a sensor with deviations shows its own place with them
+            place = force + arm @ arms[i]
+            design = _design(place, relative[i] @ arm, projector)
+            target = shown[:, i] - place
+            # lever arms first: they are held while the rest settles, and fitted positions last
+            prior = (
+                priors if turn >= ROUNDS - 2 else np.concatenate([priors[:12], np.full(3, 1e-9)])
+            )
+            if turn == 0 and not arms.any():
+                prior = priors
+            fit = regress_vectors(design, target, scale, cluster, prior)
+            values[i], sds[i] = fit.values, fit.standard_deviation
+        relative = np.eye(3) + values[:, :9].reshape(k, 3, 3)
+        relative = relative @ np.linalg.inv(relative.mean(axis=0)) @ common
+        offset = values[:, 9:12] - values[:, 9:12].mean(axis=0)
+        arms = arms + values[:, 12:] - values[:, 12:].mean(axis=0)
+    back = np.swapaxes(start, 1, 2)
+    seen_arms = bool((sds[:, 12:] < 0.2 * ARM_PRIOR).all())
+    return AccelerometerFit(
+        back @ relative, relative - np.eye(3), sds[:, :9].reshape(k, 3, 3),
+        np.einsum("kij,kj->ki", back, offset), sds[:, 9:12],
+        position.mean(axis=0) + (arms if seen_arms else position - position.mean(axis=0)),
+        sds[:, 12:], unseen, seen_arms, int(shown.shape[0]),
+    )  # fmt: skip
+
+
+@dataclass(slots=True)
+class _Still:
+    time: FloatArray
+    turned: FloatArray
+    tensor: FloatArray
+
+
+def _still_rows(
+    time: FloatArray, turned: FloatArray, tensor: FloatArray, rows: NDArray[np.bool_], rests: Rests
+) -> _Still:
+    """Means over half seconds of rest."""
+    index = np.flatnonzero(rows)
+    if index.size == 0:
+        empty = np.zeros((0, 3, 3))
+        return _Still(np.zeros(0), np.zeros((0, *turned.shape[1:])), empty)
+    label = rests.pose[index] * 1_000_000 + ((time[index] - time[0]) / STILL).astype(np.int64)
+    _, first, counts = np.unique(label, return_index=True, return_counts=True)
+    share = counts[:, None, None]
+    return _Still(
+        time[index[first]],
+        np.add.reduceat(turned[index], first, axis=0) / share,
+        np.add.reduceat(tensor[index], first, axis=0) / share,
+    )
+
+
+def _slope(time: FloatArray, values: FloatArray) -> FloatArray:
+    from schuler.arrays.clocks.resampling import rate_of_change
+
+    return rate_of_change(time, np.asarray(values))
+
+
+def _scales(residual: FloatArray, motion: FloatArray) -> FloatArray:
+    """Noise of the averaged rests and of motion, each by its class."""
+    scale = np.empty(motion.size)
+    still = motion == 0.0
+    for rows in (still, ~still):
+        if np.count_nonzero(rows) > 0:
+            scale[rows] = scale_by_motion(residual[rows], motion[rows])
+    return scale
+
+
+def _varied(force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Projector on the axes along which the force varied, and the others."""
+    around = force - np.median(force, axis=0)
+    values, axes = np.linalg.eigh(around.T @ around / force.shape[0])
+    still = values < FAINT_FORCE**2
+    seen = axes[:, ~still]
+    return np.asarray(seen @ seen.T), np.asarray(axes[:, still].T)
+
+
+def _design(force: FloatArray, arm: FloatArray, projector: FloatArray) -> FloatArray:
+    """Columns: elements of E (by rows), bias, lever arm."""
+    seen = force @ projector
+    design = np.zeros((force.shape[0], 3, 15))
+    for i in range(3):
+        design[:, i, 3 * i : 3 * i + 3] = seen
+    design[:, :, 9:12] = np.eye(3)
+    design[:, :, 12:] = arm
+    return design

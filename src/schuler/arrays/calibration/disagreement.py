@@ -1,0 +1,111 @@
+"""How far the sensors of an array are apart: each component minus the mean of all sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from schuler.arrays.calibration.rows import Rests
+from schuler.types import FloatArray
+
+Quantity = Literal["gyro", "accel"]
+
+LIMITS = (np.radians(500.0), np.radians(1500.0))
+"""Mean rates up to which disagreement is told apart, rad/s."""
+MOVING = np.radians(5.0)
+"""Mean rate from which an array counts as moving, rad/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """Disagreement in one class of motion.
+
+    Parameters
+    ----------
+    quantity : {"gyro", "accel"}
+        Which sensors.
+    condition : str
+        Class of motion, in words.
+    limit : float
+        Upper end of the mean rate, rad/s; 0 at rest, infinite without a limit.
+    rms : float
+        Root mean square over all rows, sensors and axes, rad/s or m/s².
+    robust : float
+        1.4826 times the median absolute deviation of the same, rad/s or m/s².
+    values : int
+        How many they are.
+    """
+
+    quantity: Quantity
+    condition: str
+    limit: float
+    rms: float
+    robust: float
+    values: int
+
+
+def measure_disagreement(
+    residual: FloatArray,
+    rate: FloatArray,
+    rests: Rests,
+    quantity: Quantity,
+    *,
+    moving: float = MOVING,
+    limits: tuple[float, ...] = LIMITS,
+) -> tuple[Disagreement, ...]:
+    """Measure disagreement at rest and in classes of motion.
+
+    Parameters
+    ----------
+    residual : (n, k, 3) ndarray
+        Every sensor minus the mean of all, rad/s or m/s²; NaN where one is missing.
+    rate : (n, 3) ndarray
+        Mean rate of the body, rad/s.
+    rests : Rests
+        When the array stood still.
+    quantity : {"gyro", "accel"}
+        Which sensors.
+    moving : float
+        Mean rate from which a row counts as motion, rad/s.
+    limits : tuple of float
+        Mean rates up to which motion is taken, rad/s; then all of it.
+
+    Returns
+    -------
+    tuple of Disagreement
+        At rest, up to each limit (each holds the ones before), and all motion. A row counts
+        where every sensor is there. Classes without rows, or that hold nothing more than the
+        class before, are left out.
+    """
+    whole = np.isfinite(residual).all(axis=(1, 2))
+    speed = np.linalg.norm(rate, axis=1)
+    found = []
+    rows = whole & rests.rows
+    if rows.any():
+        found.append(_one(residual[rows], quantity, "at rest", 0.0))
+    last = 0
+    for limit in (*limits, np.inf):
+        with np.errstate(invalid="ignore"):
+            rows = whole & (speed > moving) & (speed < limit) & ~rests.rows
+        count = int(np.count_nonzero(rows))
+        if count <= last:
+            continue
+        last = count
+        words = "moving" if np.isinf(limit) else f"below {np.degrees(limit):.0f} deg/s"
+        found.append(_one(residual[rows], quantity, words, limit))
+    return tuple(found)
+
+
+def _one(residual: FloatArray, quantity: Quantity, words: str, limit: float) -> Disagreement:
+    flat = residual.ravel()
+    around = np.abs(flat - np.median(flat))
+    return Disagreement(
+        quantity,
+        words,
+        float(limit),
+        float(np.sqrt(np.mean(flat**2))),
+        1.4826 * float(np.median(around)),
+        flat.size,
+    )

@@ -1,0 +1,130 @@
+"""Operating curves: what share of faults is found, and blamed rightly, at what false-alarm rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.arrays.detection.thresholds import likelihood_statistics
+from schuler.arrays.geometry import Geometry
+from schuler.arrays.merit import figures_of_merit
+from schuler.types import FloatArray
+
+RATES = tuple(np.logspace(-4, np.log10(0.5), 40).tolist())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OperatingCurve:
+    """Tests of one sample against a step on one axis.
+
+    Parameters
+    ----------
+    false_alarm_rate : (r,) ndarray
+        Probability of an alarm in a sample without fault.
+    chi_square_power : (r,) ndarray
+        Probability that D exceeds its threshold, by the non-central chi-square law.
+    likelihood_power : (r,) ndarray
+        Probability that the largest axis statistic exceeds its threshold, simulated.
+    right_axis : (r,) ndarray
+        Of the faults found by it, the share that is blamed on the right axis.
+    right_unit : (r,) ndarray
+        Of the same, the share blamed on an axis of the right unit.
+    size : float
+        Of the fault, in standard deviations of the axis.
+    axis : int
+        Which axis.
+    """
+
+    false_alarm_rate: FloatArray
+    chi_square_power: FloatArray
+    likelihood_power: FloatArray
+    right_axis: FloatArray
+    right_unit: FloatArray
+    size: float
+    axis: int
+
+
+def chi_square_power(
+    geometry: Geometry, axis: int, size: ArrayLike, false_alarm_rate: ArrayLike
+) -> FloatArray:
+    """Return the power of the chi-square test against a step on one axis.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Axes, of equal noise.
+    axis : int
+        With the fault.
+    size : array_like
+        In standard deviations.
+    false_alarm_rate : array_like
+        Shapes that broadcast.
+
+    Returns
+    -------
+    ndarray
+        P(ncx2(r, size² S_ii) > chi2.isf(P_FA, r)). Source: spec 6.4.
+    """
+    from scipy.stats import chi2, ncx2
+
+    share = figures_of_merit(geometry).residual_share[axis]
+    rate = np.asarray(false_alarm_rate, dtype=np.float64)
+    threshold = chi2.isf(rate, geometry.redundancy)
+    # SciPy's law is poor at zero, where it is the central one
+    shift = np.maximum(np.asarray(size, dtype=np.float64) ** 2 * share, 1e-12)
+    return np.asarray(ncx2.sf(threshold, geometry.redundancy, shift), dtype=np.float64)
+
+
+def operating_curve(
+    geometry: Geometry,
+    size: float,
+    *,
+    axis: int = 0,
+    rates: ArrayLike = RATES,
+    draws: int = 100_000,
+    seed: int = 0,
+) -> OperatingCurve:
+    """Return what the tests do against a step on one axis.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Axes, of equal noise.
+    size : float
+        Of the step, in standard deviations of a sample.
+    axis : int
+        With the fault.
+    rates : (r,) array_like
+        False-alarm rates.
+    draws : int
+        Samples to simulate with and without fault.
+    seed : int
+        Of the draw.
+
+    Returns
+    -------
+    OperatingCurve
+        Standard errors are below 0.5 / sqrt(draws).
+    """
+    rate = np.asarray(rates, dtype=np.float64)
+    rng = np.random.default_rng(seed)
+    healthy, _ = likelihood_statistics(rng.standard_normal((draws, geometry.count)), geometry)
+    noise = rng.standard_normal((draws, geometry.count))
+    noise[:, axis] += size
+    faulty, _ = likelihood_statistics(noise, geometry)
+    threshold = np.quantile(healthy.max(axis=1), 1.0 - rate)
+    largest, blamed = faulty.max(axis=1), faulty.argmax(axis=1)
+    found = largest[:, None] > threshold
+    number = np.maximum(found.sum(axis=0), 1)
+    same_unit = geometry.units[blamed] == geometry.units[axis]
+    return OperatingCurve(
+        rate,
+        chi_square_power(geometry, axis, size, rate),
+        np.asarray(found.mean(axis=0)),
+        np.asarray((found & (blamed == axis)[:, None]).sum(axis=0) / number),
+        np.asarray((found & same_unit[:, None]).sum(axis=0) / number),
+        size,
+        axis,
+    )

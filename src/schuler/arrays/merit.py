@@ -1,0 +1,195 @@
+"""How good a geometry is: noise of the fused rate, and what faults it can see and tell apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.arrays.geometry import Geometry
+from schuler.data._checks import frozen
+from schuler.errors import InputError
+from schuler.types import FloatArray
+
+PARALLEL = 1e-6
+"""Two faults whose parity directions differ by less (1 - |cosine|) cannot be told apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FiguresOfMerit:
+    """What a geometry can do, for sensors of given noise.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        The axes.
+    covariance : (3, 3) ndarray
+        Of the fused vector, (A' P A)^-1, in the square of the unit of the deviations.
+    residual_share : (M,) ndarray
+        Of a fault on each sensor that shows in its own whitened residual, S_ii in [0, 1]; zero
+        means that the fault cannot be seen.
+    minimal_detectable_bias : (M,) ndarray
+        Fault found with the wanted power at the wanted false-alarm rate by the chi-square test,
+        same unit as the deviations; infinite where it cannot be seen.
+    false_alarm_rate, power : float
+        For which.
+    isolation_angle : (M, M) ndarray
+        Between the traces of two faults in the parity space, rad, in [0, pi/2]; zero when they
+        look alike, NaN when one is not seen.
+    """
+
+    geometry: Geometry
+    covariance: FloatArray
+    residual_share: FloatArray
+    minimal_detectable_bias: FloatArray
+    false_alarm_rate: float
+    power: float
+    isolation_angle: FloatArray
+
+    @property
+    def gdop(self) -> float:
+        """Square root of the trace of the covariance."""
+        return float(np.sqrt(np.trace(self.covariance)))
+
+    @property
+    def determinant(self) -> float:
+        """Of the information matrix A' P A."""
+        return float(1.0 / np.linalg.det(self.covariance))
+
+    @property
+    def volume(self) -> float:
+        """Of the ellipsoid of one standard deviation of the fused vector."""
+        return float(4.0 / 3.0 * np.pi * np.sqrt(np.linalg.det(self.covariance)))
+
+    @property
+    def anisotropy(self) -> float:
+        """Largest over smallest standard deviation of the fused vector by direction."""
+        values = np.linalg.eigvalsh(self.covariance)
+        return float(np.sqrt(values[2] / values[0]))
+
+    @property
+    def smallest_isolation_angle(self) -> float:
+        """Between the traces of the two faults that are hardest to tell apart, rad."""
+        upper = self.isolation_angle[np.triu_indices(self.geometry.count, 1)]
+        return float(np.nanmin(upper)) if np.isfinite(upper).any() else 0.0
+
+    @property
+    def inseparable(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of sensors whose faults look alike: detected, but not isolated (E-002-12)."""
+        count, groups, done = self.geometry.count, [], set[int]()
+        alike = np.cos(self.isolation_angle) > 1.0 - PARALLEL
+        for i in range(count):
+            group = [j for j in range(i, count) if j == i or alike[i, j]]
+            if i not in done and len(group) > 1:
+                groups.append(tuple(self.geometry.names[j] for j in group))
+            done |= set(group)
+        return tuple(groups)
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """In plain words what cannot be done, empty if nothing."""
+        said = []
+        unseen = np.flatnonzero(self.residual_share < PARALLEL)
+        if self.geometry.redundancy == 0:
+            said.append("Three axes and no more: no fault can be detected.")
+        elif unseen.size:
+            names = ", ".join(self.geometry.names[i] for i in unseen)
+            said.append(f"A fault of {names} cannot be detected: nothing else measures there.")
+        if self.inseparable:
+            groups = "; ".join(" and ".join(g) for g in self.inseparable)
+            said.append(f"Faults can be detected but not isolated between {groups}.")
+        return tuple(said)
+
+
+def figures_of_merit(
+    geometry: Geometry,
+    deviations: ArrayLike = 1.0,
+    *,
+    false_alarm_rate: float = 0.001,
+    power: float = 0.8,
+) -> FiguresOfMerit:
+    """Return what a geometry can do.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        The axes.
+    deviations : float or (M,) array_like
+        Standard deviations of the sensors, any unit.
+    false_alarm_rate : float
+        Of the chi-square test of one sample.
+    power : float
+        Probability of finding the minimal detectable bias.
+
+    Returns
+    -------
+    FiguresOfMerit
+        In the unit of the deviations. Source: spec 6.1, 6.4; minimal detectable bias by the
+        non-central chi-square law.
+
+    Raises
+    ------
+    InputError
+        Deviations that are not positive, or probabilities outside (0, 1).
+    """
+    sigma = np.broadcast_to(np.asarray(deviations, dtype=np.float64), (geometry.count,))
+    frozen(sigma, "deviations", (geometry.count,))
+    if not (np.isfinite(sigma).all() and sigma.min() > 0.0):
+        raise InputError("deviations that are not positive", expected="finite numbers above zero")
+    if not 0.0 < false_alarm_rate < power < 1.0:
+        raise InputError(
+            f"a false-alarm rate of {false_alarm_rate:g} and a power of {power:g}",
+            expected="0 < false-alarm rate < power < 1",
+        )
+    whitened = geometry.axes / sigma[:, None]
+    q, r = np.linalg.qr(whitened)
+    inverse = np.linalg.inv(r)
+    parity = np.eye(geometry.count) - q @ q.T
+    share = np.clip(np.diag(parity), 0.0, 1.0)
+    share = np.where(share < 1e-12, 0.0, share)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosine = np.abs(parity) / np.sqrt(np.outer(share, share))
+        root = np.sqrt(noncentrality(geometry.redundancy, false_alarm_rate, power))
+        bias = np.where(share > 0.0, root * sigma / np.sqrt(share), np.inf)
+    return FiguresOfMerit(
+        geometry,
+        inverse @ inverse.T,
+        share,
+        bias,
+        false_alarm_rate,
+        power,
+        np.arccos(np.clip(cosine, 0.0, 1.0)),
+    )
+
+
+def noncentrality(freedom: int, false_alarm_rate: float, power: float) -> float:
+    """Return the non-centrality at which a chi-square test has a given power.
+
+    Parameters
+    ----------
+    freedom : int
+        Degrees of freedom; zero has no power: infinite.
+    false_alarm_rate, power : float
+        Of the test.
+
+    Returns
+    -------
+    float
+        lambda with P(ncx2(freedom, lambda) > threshold) = power; the fault over its deviation is
+        sqrt(lambda / S_ii) (spec 6.4).
+    """
+    if freedom < 1:
+        return float("inf")
+    from scipy.optimize import brentq
+    from scipy.stats import chi2, ncx2
+
+    threshold = float(chi2.isf(false_alarm_rate, freedom))
+
+    def lack(value: float) -> float:
+        return float(ncx2.sf(threshold, freedom, value)) - power
+
+    high = 1.0
+    while lack(high) < 0.0:
+        high *= 2.0
+    return float(brentq(lack, 0.0 if high == 1.0 else 0.5 * high, high, xtol=1e-10))

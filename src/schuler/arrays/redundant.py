@@ -1,0 +1,174 @@
+"""One kind of sensor of an array as S002 (8) has it: measurements = A x + errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.arrays.geometry import check_rank
+from schuler.data import ImuArray
+from schuler.data._checks import median_step
+from schuler.errors import InputError
+from schuler.types import FloatArray
+
+Sensor = Literal["gyro", "accel"]
+
+TITLES = {"gyro": "gyros", "accel": "accelerometers"}
+UNITS = {"gyro": "rad/s", "accel": "m/s²"}
+SAME = 0.999
+"""Share of equal rows from which two IMUs are one recorded twice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RedundantSensors:
+    """All gyros, or all accelerometers, of an array.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        s.
+    measurements : (n, M) ndarray
+        One column for each axis, in rad/s or m/s²; NaN where missing.
+    axes : (M, 3) ndarray
+        Sensitive axes in the body, A.
+    unit : (M,) ndarray of int
+        IMU of each axis, from 0, not decreasing.
+    arms : (M, 3) ndarray
+        Where each sits in the body, m.
+    names : tuple of str
+        "imu 1 x", ...
+    unit_names : tuple of str
+        Of the IMUs.
+    sensor : {"gyro", "accel"}
+        Which kind.
+    """
+
+    time: FloatArray
+    measurements: FloatArray
+    axes: FloatArray
+    unit: NDArray[np.int64]
+    arms: FloatArray
+    names: tuple[str, ...]
+    unit_names: tuple[str, ...]
+    sensor: Sensor
+
+    @property
+    def count(self) -> int:
+        """Number of axes M."""
+        return int(self.axes.shape[0])
+
+    @property
+    def units(self) -> int:
+        """Number of IMUs."""
+        return len(self.unit_names)
+
+    @property
+    def step(self) -> float:
+        """Median sampling interval, s."""
+        return median_step(self.time)
+
+    @property
+    def spacing(self) -> float:
+        """Largest distance of an axis from the origin of the body, m."""
+        return float(np.linalg.norm(self.arms, axis=1).max())
+
+
+def kinds_recorded(array: ImuArray) -> tuple[Sensor, ...]:
+    """Return the kinds of sensor that an array recorded at all.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Any.
+
+    Returns
+    -------
+    tuple of {"gyro", "accel"}
+        In this order.
+    """
+
+    def there(values: FloatArray) -> bool:
+        return bool(np.isfinite(values[0]).any() or np.isfinite(values).any())
+
+    kinds: list[Sensor] = []
+    if there(array.gyro):
+        kinds.append("gyro")
+    if there(array.accel):
+        kinds.append("accel")
+    return tuple(kinds)
+
+
+def redundant_sensors(array: ImuArray, sensor: Sensor) -> RedundantSensors:
+    """Return one kind of sensor of an array.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Of two or more IMUs.
+    sensor : {"gyro", "accel"}
+        Which.
+
+    Returns
+    -------
+    RedundantSensors
+        Without the axes that were never recorded.
+
+    Raises
+    ------
+    InputError
+        One IMU only, axes that leave a direction unmeasured, or an IMU that is another one
+        recorded twice.
+    """
+    if array.count < 2:
+        raise InputError(
+            f"an array of one IMU ({array.names[0]})",
+            expected="two or more: nothing is redundant",
+            cure="use the recording as it is",
+        )
+    values = array.gyro if sensor == "gyro" else array.accel
+    columns = values.reshape(array.size, -1)
+    # most axes have a value in the first row: only the others need a look at all of them
+    there = np.isfinite(columns[0])
+    for m in np.flatnonzero(~there):
+        there[m] = np.isfinite(columns[:, m]).any()
+    recorded = np.flatnonzero(there)
+    if recorded.size < columns.shape[1]:
+        columns = np.ascontiguousarray(columns[:, recorded])
+    axes = np.ascontiguousarray(np.swapaxes(array.mounting.rotation, 1, 2).reshape(-1, 3)[recorded])
+    check_rank(axes)
+    _check_copies(values, array.names, sensor)
+    # units are numbered without gaps
+    unit = recorded // 3
+    numbers, unit = np.unique(unit, return_inverse=True)
+    return RedundantSensors(
+        array.time,
+        columns,
+        axes,
+        unit.astype(np.int64),
+        np.repeat(array.mounting.position, 3, axis=0)[recorded],
+        tuple(f"{array.names[m // 3]} {'xyz'[m % 3]}" for m in recorded.tolist()),
+        tuple(array.names[i] for i in numbers.tolist()),
+        sensor,
+    )
+
+
+def _check_copies(values: FloatArray, names: tuple[str, ...], sensor: Sensor) -> None:
+    """Raise when two IMUs hold the same numbers: they would count twice and hide their errors."""
+    few = np.unique(np.linspace(0, values.shape[0] - 1, 200).astype(int))
+    for i in range(values.shape[1]):
+        for j in range(i):
+            # a handful of rows clears nearly every pair
+            if np.mean((values[few, i] == values[few, j]).all(axis=1)) < SAME:
+                continue
+            both = np.isfinite(values[:, [i, j]]).all(axis=(1, 2))
+            same = (values[both, i] == values[both, j]).all(axis=1)
+            if both.any() and np.mean(same) >= SAME:
+                raise InputError(
+                    f"the {TITLES[sensor]} of {names[i]} are a copy of those of {names[j]}: "
+                    f"{np.count_nonzero(same)} of {same.size} rows are equal to the last digit",
+                    expected="IMUs with errors of their own",
+                    cure="leave one of them out",
+                )

@@ -1,0 +1,226 @@
+"""Noise level through time from the residuals of redundant triads (S000 (2)-(3), spec 5.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.arrays.redundant import Sensor, redundant_sensors
+from schuler.arrays.synthesis.least_squares import residuals
+from schuler.data import ImuArray
+from schuler.errors import EstimationError, InputError
+from schuler.types import FloatArray
+
+Divisor = Literal["unbiased", "paper"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AveragedVolatility:
+    """One variance for all sensors, as it changes through time.
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        s.
+    variance : (n,) ndarray
+        Of one sample of one axis; NaN where the window holds nothing.
+    relative_error : (n,) ndarray
+        Standard error of the variance over the variance, for constant Gaussian noise.
+    half_window : int
+        T: the window has 2T + 1 samples.
+    causal : bool
+        The window ends at the sample instead of being centred on it.
+    divisor : str
+        "unbiased" or "paper".
+    """
+
+    time: FloatArray
+    variance: FloatArray
+    relative_error: FloatArray
+    half_window: int
+    causal: bool
+    divisor: str
+
+    @property
+    def deviation(self) -> FloatArray:
+        """Standard deviation of one sample of one axis, (n,)."""
+        return np.sqrt(self.variance)
+
+
+def averaged_volatility(
+    array: ImuArray,
+    half_window: int = 50,
+    *,
+    sensor: Sensor = "gyro",
+    divisor: Divisor = "unbiased",
+    causal: bool = False,
+    remove_mean: bool = False,
+) -> AveragedVolatility:
+    """Return the noise level of an array through time, taken to be the same for all its sensors.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Of two or more IMUs; lever arms are not corrected here.
+    half_window : int
+        T.
+    sensor : {"gyro", "accel"}
+        Which.
+    divisor, causal, remove_mean
+        As in `window_volatility`.
+
+    Returns
+    -------
+    AveragedVolatility
+        Of the sensor, rad/s or m/s² squared.
+
+    Raises
+    ------
+    InputError
+        One IMU only, or a window that is no window.
+    EstimationError
+        As `window_volatility`.
+    """
+    redundant_sensors(array, sensor)
+    body = array.in_body()
+    vectors = body.gyro if sensor == "gyro" else body.accel
+    return window_volatility(
+        vectors,
+        half_window,
+        time=array.time,
+        divisor=divisor,
+        causal=causal,
+        remove_mean=remove_mean,
+    )
+
+
+def window_volatility(
+    vectors: ArrayLike,
+    half_window: int,
+    *,
+    time: ArrayLike | None = None,
+    divisor: Divisor = "unbiased",
+    causal: bool = False,
+    remove_mean: bool = False,
+) -> AveragedVolatility:
+    """Return the averaged volatility of vectors that redundant triads measured.
+
+    Parameters
+    ----------
+    vectors : (n, k, 3) array_like
+        In the body, any unit; NaN where missing.
+    half_window : int
+        T, at least one.
+    time : (n,) array_like, optional
+        Sample numbers if not given.
+    divisor : {"unbiased", "paper"}
+        The paper's 6 T k has the expectation s² (1 + 1/(2T)) (k-1)/k (E-000-1). The unbiased
+        one counts degrees of freedom: 3 (2T+1)(k-1), or 6T(k-1) with `remove_mean`.
+    causal : bool
+        Window t-2T .. t instead of t-T .. t+T.
+    remove_mean : bool
+        Remove the mean in the window of every sensor and axis. (3) of S000 removes a mean over
+        the sensors, which is zero by construction (E-000-2).
+
+    Returns
+    -------
+    AveragedVolatility
+        Windows are cut at the ends of the record, with the true count.
+
+    Raises
+    ------
+    InputError
+        Wrong shape, or a window shorter than three samples.
+    EstimationError
+        One triad: it has no residuals.
+    """
+    w = np.asarray(vectors, dtype=np.float64)
+    if w.ndim != 3 or w.shape[2] != 3:
+        raise InputError(f"vectors of shape {w.shape}", expected="(n, k, 3)")
+    if w.shape[1] < 2:
+        raise EstimationError(
+            "one triad has no residuals", expected="two or more", cure="use its Allan deviation"
+        )
+    if half_window < 1 or divisor not in ("unbiased", "paper"):
+        raise InputError(
+            f"half window {half_window}, divisor '{divisor}'",
+            expected="at least 1, and 'unbiased' or 'paper'",
+        )
+    n, count = w.shape[:2]
+    there = np.asarray(np.isfinite(w).all(axis=2))
+    number = there.sum(axis=1)
+    filled = np.where(there[:, :, None], w, 0.0)
+    mean = filled.sum(axis=1) / np.maximum(number, 1)[:, None]
+    x = np.where(there[:, :, None], w - mean[:, None, :], 0.0)
+    squares = (x**2).sum(axis=(1, 2))
+    total = _window_sum(squares, half_window, causal)
+    freedom = 3.0 * _window_sum(np.maximum(number - 1.0, 0.0), half_window, causal)
+    if remove_mean:
+        sums = _window_sum(x.reshape(n, -1), half_window, causal)
+        seen = np.repeat(_window_sum(there.astype(float), half_window, causal), 3, axis=1)
+        total = total - (sums**2 / np.maximum(seen, 1.0)).sum(axis=1)
+        freedom = freedom - 3.0 * (count - 1.0)
+    if divisor == "paper":
+        samples = _window_sum(np.ones(n), half_window, causal)
+        division = 3.0 * count * (samples - 1.0)
+    else:
+        division = freedom
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = np.where(division > 0.0, total / division, np.nan)
+        error = np.where(freedom > 0.0, np.sqrt(2.0 / freedom), np.nan)
+    stamps = np.arange(n, dtype=np.float64) if time is None else np.asarray(time, dtype=np.float64)
+    return AveragedVolatility(
+        stamps, np.maximum(variance, 0.0), error, half_window, causal, divisor
+    )
+
+
+def residual_volatility(
+    measurements: FloatArray, axes: FloatArray, half_window: int
+) -> AveragedVolatility:
+    """Return the causal averaged volatility of axes in any directions.
+
+    Parameters
+    ----------
+    measurements : (n, M) ndarray
+        NaN where missing.
+    axes : (M, 3) ndarray
+        A.
+    half_window : int
+        T; the window t-2T .. t.
+
+    Returns
+    -------
+    AveragedVolatility
+        Sum of squared residuals over their degrees of freedom, M - 3 a sample, less the window's
+        mean of every axis.
+    """
+    x = residuals(measurements, axes)
+    there = np.isfinite(x)
+    x = np.where(there, x, 0.0)
+    freedom = np.maximum(there.sum(axis=1) - 3.0, 0.0)
+    total = _window_sum((x**2).sum(axis=1), half_window, True)
+    sums = _window_sum(x, half_window, True)
+    number = _window_sum(there.astype(np.float64), half_window, True)
+    total -= (sums**2 / np.maximum(number, 1.0)).sum(axis=1)
+    degrees = _window_sum(freedom, half_window, True) - (axes.shape[0] - 3.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = np.where(degrees > 0.5, np.maximum(total, 0.0) / degrees, np.nan)
+        error = np.where(degrees > 0.5, np.sqrt(2.0 / degrees), np.nan)
+    steps = np.arange(measurements.shape[0], dtype=np.float64)
+    return AveragedVolatility(steps, variance, error, half_window, True, "unbiased")
+
+
+def _window_sum(values: FloatArray, half_window: int, causal: bool) -> FloatArray:
+    """Sum over the window of every sample, along the first axis, cut at the ends."""
+    n = values.shape[0]
+    # centred first: sums of squares of a long record would lose the digits of a quiet part
+    level = values.mean(axis=0)
+    running = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values - level, axis=0)])
+    k = np.arange(n)
+    first = np.maximum(k - (2 * half_window if causal else half_window), 0)
+    last = k + 1 if causal else np.minimum(k + half_window + 1, n)
+    size = (last - first).reshape((n,) + (1,) * (values.ndim - 1))
+    return np.asarray(running[last] - running[first] + size * level)

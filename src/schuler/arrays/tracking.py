@@ -1,0 +1,420 @@
+"""Redundant sensors followed on line: the settings, the start, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.arrays.lever_arms import arm_coefficients
+from schuler.arrays.redundant import RedundantSensors
+from schuler.arrays.synthesis.cornered_hat import FLOOR, cornered_hat
+from schuler.arrays.synthesis.least_squares import least_squares, residuals
+from schuler.errors import EstimationError, InputError
+from schuler.types import FloatArray
+
+EVENTS = 10_000
+"""Lines of the log of one kind of sensor that are kept."""
+COMMON = 0.25
+"""Memory of the level that all variances share, of the memory of each."""
+RECALL = 2.0
+"""What was taken out this many seconds before most sensors contradict one another comes back."""
+MEDIAN_TO_DEVIATION = 1.4826
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnlineSettings:
+    """How weights follow the noise of the sensors.
+
+    Parameters
+    ----------
+    time_constant : float
+        Memory of the variances, s; their common level is followed four times as fast. Shorter
+        follows faster; equal sensors then lose more by the scatter of their weights.
+    block : float
+        Between two updates of weights, biases and tests, s.
+    learning : float
+        At the beginning, from which start values are taken, s; no axis is taken out in it.
+    bias_time_constant : float or None
+        Memory of the differences between the sensors' biases, s. They are removed, so that
+        changing weights do not make noise out of them; the mean of all biases stays. None: the
+        differences are not followed after the start.
+    keep_biases : bool
+        Biases of the sensors are not touched at all: what S000 (12) does at rest.
+    clip : float
+        Deviations beyond which the residuals of a sample are made smaller in all estimates.
+    shrink : bool
+        Variances are drawn together as far as chance explains their differences.
+    """
+
+    time_constant: float = 2.0
+    block: float = 0.1
+    learning: float = 10.0
+    bias_time_constant: float | None = 100.0
+    keep_biases: bool = False
+    clip: float = 4.0
+    shrink: bool = True
+
+    def __post_init__(self) -> None:
+        values = (self.time_constant, self.block, self.clip, self.bias_time_constant or 1.0)
+        if not (all(np.isfinite(v) and v > 0.0 for v in values) and self.learning >= 0.0):
+            raise InputError(
+                "settings of the weights that are not positive",
+                expected="time constants, block and clip above zero, learning zero or more",
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch:
+    """Thresholds of the on-line tests in the numbers the kernel works with.
+
+    Parameters
+    ----------
+    time_constants : tuple of float
+        Of the smoothed residuals, s.
+    axis_threshold, unit_threshold : tuple of float
+        F for each.
+    unit_margin : float
+        F by which a unit must beat its worst axis.
+    spike : float
+        F of one axis in one sample.
+    readmission : float
+        F below which an axis taken out behaves.
+    hold : float
+        How long it must, s.
+    factor_time_constant : float
+        Memory of the calibration of the smoothed residuals, s.
+    wander : float
+        Standard deviation of slow wander of a bias that is no fault, rad/s or m/s².
+    """
+
+    time_constants: tuple[float, ...]
+    axis_threshold: tuple[float, ...]
+    unit_threshold: tuple[float, ...]
+    unit_margin: float
+    spike: float
+    readmission: float
+    hold: float
+    factor_time_constant: float
+    wander: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisNoise:
+    """What is known of the axes of one kind of sensor beforehand.
+
+    Parameters
+    ----------
+    bias : (M,) ndarray
+        Differences of the biases in the gauge of the mean of the sensors, rad/s or m/s².
+    variance : (M,) ndarray
+        Of a sample, square of that.
+    """
+
+    bias: FloatArray
+    variance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """What came out for one kind of sensor; see `schuler.kernels.redundancy.follow`.
+
+    Parameters
+    ----------
+    sensors : RedundantSensors
+        What was followed.
+    block : int
+        Samples in a block.
+    learning : int
+        Blocks at the beginning in which nothing was taken out.
+    fused : (n, 3) ndarray
+        In the body.
+    covariance : (b, 3, 3) ndarray
+        Of the fused vector in each block.
+    variance : (b, M) ndarray
+        Of a sample of each axis as it was used.
+    usage : (b, M) ndarray
+        0 used, 1 taken out, 2 taken out with its unit, 3 missing.
+    freedom : (b,) ndarray
+        Degrees of freedom of the chi-square statistic.
+    statistic, axis_statistic, unit_statistic : (n,) ndarray
+        D, and the largest likelihood statistics of an axis and a unit.
+    axis_suspect, unit_suspect : (n,) ndarray of int
+        Which.
+    smoothed : (b, J) ndarray
+        Largest likelihood statistic of an axis in the smoothed residuals.
+    factor : (J,) ndarray
+        At the end, how much larger smoothed residuals were than white noise makes them.
+    bias : (M,) ndarray
+        Differences of the biases at the end.
+    events : (e, 8) ndarray
+        The log.
+    lost_events : int
+        Lines that did not fit in.
+    """
+
+    sensors: RedundantSensors
+    block: int
+    learning: int
+    fused: FloatArray
+    covariance: FloatArray
+    variance: FloatArray
+    usage: NDArray[np.int8]
+    freedom: NDArray[np.int16]
+    statistic: FloatArray
+    axis_statistic: FloatArray
+    axis_suspect: NDArray[np.int16]
+    unit_statistic: FloatArray
+    unit_suspect: NDArray[np.int16]
+    smoothed: FloatArray
+    factor: FloatArray
+    bias: FloatArray
+    events: FloatArray
+    lost_events: int
+
+    @property
+    def block_time(self) -> FloatArray:
+        """Stamp of the first sample of each block, (b,) s."""
+        return self.sensors.time[:: self.block]
+
+    @property
+    def weight(self) -> FloatArray:
+        """Share of each axis in the information, (b, M); zero when not used."""
+        raw = np.where(self.usage == 0, 1.0 / self.variance, 0.0)
+        total = raw.sum(axis=1, keepdims=True)
+        return np.asarray(raw / np.where(total > 0.0, total, 1.0))
+
+
+def start_values(sensors: RedundantSensors, samples: int) -> AxisNoise:
+    """Return biases and variances from the first samples, or from all of them.
+
+    Parameters
+    ----------
+    sensors : RedundantSensors
+        What was measured.
+    samples : int
+        How many of the first samples to use.
+
+    Returns
+    -------
+    AxisNoise
+        Means and N-cornered hat of the residuals, without their outliers; where two sensors
+        cannot be told apart, the same variance for all.
+
+    Raises
+    ------
+    EstimationError
+        No sample in which enough axes are there, or residuals that are all zero.
+    """
+    values = sensors.measurements[:samples]
+    whole = np.isfinite(values).all(axis=1)
+    if np.count_nonzero(whole) >= 100:
+        # rows with gaps compare with the mean of other sensors: they would mix the biases
+        values = values[whole]
+    x = residuals(values, sensors.axes)
+    if np.count_nonzero(np.isfinite(x).any(axis=1)) < 10:
+        raise EstimationError(
+            f"{np.count_nonzero(np.isfinite(x).any(axis=1))} of the first {samples} samples have "
+            "enough axes",
+            expected="at least 10 to start from",
+            cure="learn for longer, or cut the beginning",
+        )
+    with np.errstate(all="ignore"):
+        middle = _nan_median(x)
+        spread = MEDIAN_TO_DEVIATION * _nan_median(np.abs(x - middle))
+        kept = np.where(np.abs(x - middle) <= 5.0 * np.maximum(spread, 1e-300), x, np.nan)
+    number = np.isfinite(kept).sum(axis=0)
+    mean = np.where(number > 0, np.nansum(kept, axis=0) / np.maximum(number, 1), 0.0)
+    share = least_squares(sensors.axes).residual
+    bias = share @ mean
+    seen = number > 10
+    pooled = float(
+        np.nansum((kept - mean)[:, seen] ** 2)
+        / max(np.sum(number[seen] * np.diag(share)[seen]), 1e-9)
+    )
+    if not pooled > 0.0:
+        raise EstimationError(
+            "redundant axes that agree to the last digit",
+            expected="sensors with noise of their own",
+            cure="check whether one recording was written several times",
+        )
+    variance = np.full(sensors.count, pooled)
+    try:
+        rows = np.isfinite(kept).all(axis=1)
+        if np.count_nonzero(rows) >= 50:
+            variance = cornered_hat(kept[rows], sensors.axes).variances
+    except EstimationError:
+        pass
+    return AxisNoise(bias, np.maximum(variance, FLOOR * np.median(variance)))
+
+
+def _nan_median(x: FloatArray) -> FloatArray:
+    """Median of every column; zero for a column without values."""
+    out = np.zeros(x.shape[1])
+    for m in range(x.shape[1]):
+        values = x[np.isfinite(x[:, m]), m]
+        if values.size:
+            out[m] = np.median(values)
+    return out
+
+
+def follow_sensors(
+    sensors: RedundantSensors,
+    start: AxisNoise | None,
+    settings: OnlineSettings,
+    watch: Watch | None = None,
+    *,
+    adapting: bool = True,
+    given: FloatArray | None = None,
+    tensor: FloatArray | None = None,
+    extra: FloatArray | None = None,
+) -> Followed:
+    """Follow one kind of sensor through a recording.
+
+    Parameters
+    ----------
+    sensors : RedundantSensors
+        What was measured.
+    start : AxisNoise or None
+        Known beforehand; None: taken from the first seconds.
+    settings : OnlineSettings
+        Of weights and biases.
+    watch : Watch or None
+        Of the tests; None: nothing is taken out.
+    adapting : bool
+        False: variances stay at their start.
+    given : (n, M) or (n, 1) ndarray, optional
+        Variances of every sample, each from the past alone, instead of those estimated here; a
+        block uses that of its first sample.
+    tensor : (n, 9) ndarray, optional
+        From `turning_tensor`: lever arms are corrected.
+    extra : (n,) ndarray, optional
+        Variance from motion that is common to all axes in size and does not average out.
+
+    Returns
+    -------
+    Followed
+        What came out.
+
+    Raises
+    ------
+    EstimationError
+        As `start_values`.
+    """
+    from schuler.kernels.redundancy import follow
+
+    n, count = sensors.measurements.shape
+    step = sensors.step
+    block = max(1, min(round(settings.block / step), n))
+    blocks = -(-n // block)
+    seconds = block * step
+    first = min(n, max(round(settings.learning / step), 20))
+    learning = 0 if start is not None else -(-first // block)
+    begin = start_values(sensors, first) if start is None else start
+    bias = np.zeros(count) if settings.keep_biases else begin.bias.astype(np.float64).copy()
+    gain = 0.0
+    if settings.bias_time_constant is not None and not settings.keep_biases:
+        gain = 1.0 - np.exp(-seconds / settings.bias_time_constant)
+    adaptation = 1.0 - np.exp(-seconds / settings.time_constant) if adapting else 0.0
+    common = 1.0 - np.exp(-seconds / (COMMON * settings.time_constant))
+    scatter = 0.0
+    if settings.shrink and adapting:
+        pull = 1.0 - adaptation * (count - 3.0) / count
+        scatter = adaptation**2 * (2.0 / block) / (1.0 - pull**2)
+    if given is None:
+        per_block = np.zeros((0, count))
+    else:
+        per_block = np.ascontiguousarray(np.broadcast_to(given[::block], (blocks, count)))
+    smoothing = np.zeros(0) if watch is None else smoothing_shares(watch, seconds)
+    fused, six, variance = np.empty((n, 3)), np.empty((blocks, 6)), np.empty((blocks, count))
+    usage, freedom = np.empty((blocks, count), np.int8), np.empty(blocks, np.int16)
+    # in one piece: large arrays come in large pages
+    statistic, axis_statistic, unit_statistic = np.empty((3, n))
+    axis_suspect, unit_suspect = np.empty(n, np.int16), np.empty(n, np.int16)
+    smoothed, factor = np.empty((blocks, smoothing.size)), np.ones(smoothing.size)
+    events = np.zeros((EVENTS, 8))
+    patience = 1 if watch is None else max(round(watch.hold / seconds), 1)
+    number = follow(
+        sensors.measurements,
+        np.zeros((0, 9)) if tensor is None else tensor,
+        arm_coefficients(sensors.axes, sensors.arms),
+        np.zeros(0) if extra is None else extra,
+        sensors.axes,
+        sensors.unit,
+        sensors.units,
+        block,
+        per_block,
+        float(adaptation),
+        float(common),
+        float(scatter),
+        settings.clip**2,
+        FLOOR if adapting else 0.0,
+        float(gain),
+        np.inf if start is not None else float(first),
+        0.0 if watch is None else watch.wander**2,
+        np.inf if watch is None else watch.spike,
+        smoothing,
+        np.asarray(() if watch is None else watch.axis_threshold, dtype=np.float64),
+        np.asarray(() if watch is None else watch.unit_threshold, dtype=np.float64),
+        np.inf if watch is None else watch.unit_margin,
+        0.0 if watch is None else float(1.0 - np.exp(-seconds / watch.factor_time_constant)),
+        learning,
+        np.inf if watch is None else watch.readmission,
+        round(RECALL / seconds),
+        np.full(count, patience, dtype=np.int64),
+        bias,
+        begin.variance.astype(np.float64).copy(),
+        factor,
+        np.zeros(count, dtype=np.int64),
+        fused,
+        six,
+        variance,
+        usage,
+        freedom,
+        statistic,
+        axis_statistic,
+        axis_suspect,
+        unit_statistic,
+        unit_suspect,
+        smoothed,
+        events,
+    )
+    return Followed(
+        sensors,
+        block,
+        learning,
+        fused,
+        six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3),
+        variance,
+        usage,
+        freedom,
+        statistic,
+        axis_statistic,
+        axis_suspect,
+        unit_statistic,
+        unit_suspect,
+        smoothed,
+        factor,
+        bias,
+        events[: min(number, EVENTS)].copy(),
+        max(number - EVENTS, 0),
+    )
+
+
+def smoothing_shares(watch: Watch, seconds: float) -> FloatArray:
+    """Return the share of a block in the smoothed residuals of every time constant.
+
+    Parameters
+    ----------
+    watch : Watch
+        The time constants.
+    seconds : float
+        Length of a block.
+
+    Returns
+    -------
+    (J,) ndarray
+        1 - exp(-seconds / time constant).
+    """
+    return np.asarray(1.0 - np.exp(-seconds / np.asarray(watch.time_constants)))

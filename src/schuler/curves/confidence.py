@@ -1,0 +1,205 @@
+"""How sure an Allan variance is: degrees of freedom and chi-square intervals at every tau."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.noise import (
+    BiasInstability,
+    GaussMarkov,
+    Process,
+    Quantization,
+    RandomWalk,
+    WhiteNoise,
+)
+from schuler.types import FloatArray
+
+# Slope of log variance against log tau, and the unit process that has it: white noise,
+# quantisation, random walk, flicker. White noise holds down to -1.7: at long tau quantisation
+# would have hundreds of times more degrees of freedom, and a slope that is steep by chance must
+# not claim them.
+_POWER_LAWS: tuple[tuple[float, tuple[float, float, float, float]], ...] = (
+    (-2.0, (0.0, 1.0, 0.0, 0.0)),
+    (-1.7, (1.0, 0.0, 0.0, 0.0)),
+    (-1.0, (1.0, 0.0, 0.0, 0.0)),
+    (0.0, (0.0, 0.0, 0.0, 1.0)),
+    (1.0, (0.0, 0.0, 1.0, 0.0)),
+)
+
+
+def _gauss_markovs(process: Process) -> list[GaussMarkov]:
+    found: list[GaussMarkov] = []
+    for part in process.components:
+        if isinstance(part, GaussMarkov) and part.sigma > 0.0:
+            found.append(part)
+        elif isinstance(part, BiasInstability) and part.level > 0.0:
+            found += part.gauss_markovs
+    return found
+
+
+def _squares(parts: Sequence[Process], kind: type[Process], name: str) -> float:
+    return math.fsum(getattr(p, name) ** 2 for p in parts if isinstance(p, kind))
+
+
+def allan_covariance(
+    process: Process, factors: NDArray[np.int64], samples: int, dt: float
+) -> FloatArray:
+    """Covariance of the logarithms of overlapping Allan variances, to first order.
+
+    Parameters
+    ----------
+    process : Process
+        What the signal is. Ramps, constants and sinusoids do not scatter and are left out.
+    factors : (t,) ndarray of int
+        Samples in a cluster, increasing, at most samples/2.
+    samples : int
+        Length of the signal.
+    dt : float
+        Sample interval in s.
+
+    Returns
+    -------
+    (t, t) ndarray
+        cov(s_i, s_j)/(E s_i E s_j) of the variances of the random parts; 2 over its diagonal are
+        the equivalent degrees of freedom.
+
+    Notes
+    -----
+    Exact for Gaussian processes up to the sampling of Gauss-Markov noise faster than dt; see
+    `schuler.kernels.allan_covariance`.
+    """
+    from schuler.kernels.allan_covariance import relative_covariance
+
+    parts = process.components
+    noises = _gauss_markovs(process)
+    out = np.zeros((factors.size, factors.size))
+    relative_covariance(
+        np.asarray(factors, dtype=np.int64),
+        samples + 1,
+        _squares(parts, WhiteNoise, "density") / dt,
+        _squares(parts, Quantization, "step_density") / dt**2,
+        _squares(parts, RandomWalk, "density") * dt,
+        0.0,
+        np.array([g.sigma**2 for g in noises]),
+        np.array([g.correlation_time / dt for g in noises]),
+        False,
+        out,
+    )
+    return out
+
+
+def power_law_degrees_of_freedom(
+    slope: ArrayLike, factors: NDArray[np.int64], samples: int
+) -> FloatArray:
+    """Equivalent degrees of freedom of overlapping Allan variances of power-law noise.
+
+    Parameters
+    ----------
+    slope : (t,) or (t, m) array_like
+        Slope of log variance against log tau at every tau: -2 quantisation, -1 white, 0 flicker,
+        +1 random walk. Between these the logarithm is interpolated; beyond, the end counts.
+    factors : (t,) ndarray of int
+        Samples in a cluster, increasing, at most samples/2.
+    samples : int
+        Length of the signal.
+
+    Returns
+    -------
+    (t,) or (t, m) ndarray
+        Degrees of freedom, at least about 1.
+
+    Notes
+    -----
+    For every cluster length, from the covariance of second differences: no formula with a limited
+    range (compare NIST SP 1065, 5.3 and 5.4).
+    """
+    from schuler.kernels.allan_covariance import relative_covariance
+
+    none = np.zeros(0)
+    logs = []
+    for _, (white, quantization, walk, flicker) in _POWER_LAWS:
+        out = np.zeros((factors.size, factors.size))
+        relative_covariance(
+            np.asarray(factors, dtype=np.int64),
+            samples + 1,
+            white,
+            quantization,
+            walk,
+            flicker,
+            none,
+            none,
+            True,
+            out,
+        )
+        logs.append(np.log(2.0 / np.diag(out)))
+    laws = np.array([law for law, _ in _POWER_LAWS])
+    wanted = np.asarray(slope, dtype=np.float64)
+    found = [np.interp(w, laws, column) for w, column in zip(wanted, np.array(logs).T, strict=True)]
+    return np.asarray(np.exp(found), dtype=np.float64)
+
+
+def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> FloatArray:
+    """Slope of log variance against log tau, smoothed over a window about every tau.
+
+    Parameters
+    ----------
+    tau : (t,) ndarray
+        Cluster times in s, increasing.
+    variance : (t,) ndarray
+        Allan variances; zeros are left out.
+    decades : float
+        Half width of the window, wider where it holds fewer than three points. Points count with
+        weight 1/tau, as their certainty does.
+
+    Returns
+    -------
+    (t,) ndarray
+        Slope; -1 (white noise) where no two points are in reach.
+    """
+    slope = np.full(tau.size, -1.0)
+    near: NDArray[np.bool_] | NDArray[np.intp]
+    good = variance > 0.0
+    x, y = np.log10(tau[good]), np.log10(variance[good])
+    for k, centre in enumerate(np.log10(tau)):
+        distance = np.abs(x - centre)
+        near = distance <= decades
+        if np.count_nonzero(near) < 3:  # sparse cluster times: the three nearest
+            near = np.argsort(distance)[:3]
+        if x[near].size < 2:
+            continue
+        weight = 10.0 ** -(x[near] - centre)
+        dx = x[near] - np.average(x[near], weights=weight)
+        spread = float(np.sum(weight * dx * dx))
+        if spread > 0.0:
+            slope[k] = float(np.sum(weight * dx * y[near])) / spread
+    return slope
+
+
+def chi_square_bounds(
+    degrees_of_freedom: FloatArray, confidence: float = 0.95
+) -> tuple[FloatArray, FloatArray]:
+    """Factors from a deviation to the ends of its confidence interval.
+
+    Parameters
+    ----------
+    degrees_of_freedom : ndarray
+        Equivalent degrees of freedom.
+    confidence : float
+        Probability that the interval covers the truth.
+
+    Returns
+    -------
+    tuple of ndarray
+        sqrt(nu/chi²) at the upper and at the lower quantile: below and above one.
+    """
+    from scipy.special import gammaincinv
+
+    tail = 0.5 * (1.0 - confidence)
+    half = 0.5 * degrees_of_freedom
+    lower = np.sqrt(half / gammaincinv(half, 1.0 - tail))
+    upper = np.sqrt(half / gammaincinv(half, tail))
+    return np.asarray(lower), np.asarray(upper)

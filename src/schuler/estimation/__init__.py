@@ -1,0 +1,1 @@
+"""From signals to processes, with standard errors."""

@@ -1,0 +1,254 @@
+"""All channels of one recording: a noise model, and what a person should know about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from schuler.curves.allan import allan_deviation
+from schuler.data.imu import ImuRecording
+from schuler.errors import EstimationError, SchulerError
+from schuler.estimation.identification import Identification
+from schuler.estimation.joint_fit import fit_factors, identify_curve
+from schuler.noise import NoiseModel, Process
+from schuler.noise.gauss_markov import FLICKER_LEVEL
+from schuler.types import FloatArray
+from schuler.units import format_value
+
+_GRID_SAMPLES = 20_000
+_NOTABLE_DISCREPANCY = 0.02
+_NOTABLE_ROUNDING = 0.005
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuCharacterization:
+    """The noise of every recorded channel.
+
+    Parameters
+    ----------
+    recording_name : str
+        Which recording.
+    channels : dict of str to Identification
+        By channel name.
+    noise_model : NoiseModel
+        The same as a model for filters and simulations, with errors and limits.
+    findings : tuple of str
+        What is worth knowing, in plain language.
+    rate : float
+        Samples a second.
+    duration : float
+        Length in s.
+    """
+
+    recording_name: str
+    channels: dict[str, Identification]
+    noise_model: NoiseModel
+    findings: tuple[str, ...]
+    rate: float
+    duration: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON: SI, with standard errors."""
+        return {
+            "recording": self.recording_name,
+            "rate_hz": self.rate,
+            "duration_s": self.duration,
+            "channels": {c: found.to_dict() for c, found in self.channels.items()},
+            "findings": list(self.findings),
+        }
+
+
+def characterize_imu(
+    imu: ImuRecording, model: Literal["auto", "classical"] | Process = "auto"
+) -> ImuCharacterization:
+    """Identify the noise of every channel of a recording at rest.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        Lying still, evenly sampled (screen and repair it first).
+    model : {"auto", "classical"} or Process
+        As for `identify`, for every channel.
+
+    Returns
+    -------
+    ImuCharacterization
+        Processes, noise model, findings.
+
+    Raises
+    ------
+    EstimationError
+        Too short, or a channel that does not vary.
+    """
+    rate = imu.rate
+    channels: dict[str, Identification] = {}
+    for data, sensor in ((imu.gyro, "gyro"), (imu.accel, "accel")):
+        names = [c for c in imu.channels if c.startswith(sensor)]
+        if not names:
+            continue
+        columns = ["xyz".index(c[-1]) for c in names]
+        values = data if len(columns) == 3 else data[:, columns]
+        curves = allan_deviation(values, rate, fit_factors(imu.size) / rate)
+        for j, name in enumerate(names):
+            try:
+                channels[name] = identify_curve(curves.column(j), model)
+            except SchulerError as error:
+                raise error.at(f"{imu.name}, {name}") from None
+    if not channels:
+        raise EstimationError(f"recording '{imu.name}' has no channel", expected="at least one")
+    return ImuCharacterization(
+        recording_name=imu.name,
+        channels=channels,
+        noise_model=NoiseModel(
+            processes={c: found.process for c, found in channels.items()},
+            standard_errors={c: found.standard_errors for c, found in channels.items()},
+            rate=rate,
+            source=f"fit to the Allan deviation of {imu.name}, {_hours(imu.duration)} at rest",
+            limits={c: found.limits for c, found in channels.items()},
+        ),
+        findings=tuple(_findings(imu, channels)),
+        rate=rate,
+        duration=imu.duration,
+    )
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f"{seconds / 60.0:.0f} min"
+
+
+def _findings(imu: ImuRecording, channels: Mapping[str, Identification]) -> list[str]:
+    lines = [_record_length(imu, channels)]
+    lines += [text for c, found in channels.items() if (text := _crossing(c, found))]
+    lines += _not_seen(channels)
+    rough = {c: f for c, f in channels.items() if f.diagnostics.discrepancy > _NOTABLE_DISCREPANCY}
+    if rough:
+        worst = max(f.diagnostics.discrepancy for f in rough.values())
+        lines.append(
+            f"{_join(rough)}: no sum of these processes describes the Allan deviation to better "
+            f"than about {100.0 * worst:.0f} %, which the standard errors allow for: look for "
+            f"vibration, temperature or something that touched the sensor"
+        )
+    late = {
+        c: f.diagnostics.tau[0] for c, f in channels.items() if f.diagnostics.tau[0] > 5 / imu.rate
+    }
+    if late:
+        lines.append(
+            f"{_join(late)}: clusters below {max(late.values()):.2g} s were left out of the fit: "
+            f"neighbouring samples are correlated (a low-pass filter in the sensor) or hold lines "
+            f"of vibration"
+        )
+    lines += _rounding(imu, channels)
+    return lines
+
+
+def _join(names: Mapping[str, object] | Sequence[str]) -> str:
+    return ", ".join(names)
+
+
+def _record_length(imu: ImuRecording, channels: Mapping[str, Identification]) -> str:
+    weakest = [
+        (verdict.relative_error, channel, verdict)
+        for channel, found in channels.items()
+        for verdict in found.verdict.parameters
+    ]
+    error, channel, verdict = max(weakest, key=lambda w: w[0])
+    length = _hours(imu.duration)
+    if verdict.enough:
+        return f"{length} were recorded, enough for every parameter to be known to 10 % or better"
+    where = f"{channel} {verdict.parameter.replace('.', ' ').replace('_', ' ')}"
+    return (
+        f"{length} were recorded; the least certain parameter, {where}, is known to "
+        f"{100.0 * error:.0f} %: 10 % would take about {_hours(verdict.wanted_duration)}"
+    )
+
+
+def _crossing(channel: str, found: Identification) -> str | None:
+    """Warn where the flat part is only where white noise and random walk cross (spec 2.4 b)."""
+    curve, process = found.curve, found.process
+    lowest = int(np.argmin(curve.deviation))
+    if not 0 < lowest < curve.tau.size - 1:
+        return None
+    tau = curve.tau[lowest : lowest + 1]
+    crossing = sum(
+        float(part.allan_variance(tau)[0])
+        for part in process.parts
+        if part.kind in ("white_noise", "random_walk")
+    )
+    share = math.sqrt(crossing / float(process.allan_variance(tau)[0]))
+    if "random_walk" not in {p.kind for p in process.parts} or share < 0.5:
+        return None
+    read = float(curve.deviation[lowest]) / FLICKER_LEVEL
+    kind = f"{channel.split('_')[0]} bias instability"
+    return (
+        f"{channel}: the bias instability that one would read off the lowest point, "
+        f"{format_value(read, kind, digits=3)} at {tau[0]:.3g} s, is for {100.0 * share:.0f} % "
+        f"just where white noise and random walk cross: use the fitted processes instead"
+    )
+
+
+def _not_seen(channels: Mapping[str, Identification]) -> list[str]:
+    lines = []
+    for sensor in ("gyro", "accel"):
+        missing = {
+            c: found.limits["random_walk.density"]
+            for c, found in channels.items()
+            if c.startswith(sensor) and "random_walk.density" in found.limits
+        }
+        if missing:
+            limit = format_value(max(missing.values()), f"{sensor} random walk", digits=2)
+            lines.append(
+                f"{_join(missing)}: no random walk was found; more than {limit} is excluded (95 %)"
+            )
+    return lines
+
+
+def grid_step(values: FloatArray) -> float | None:
+    """Return the step of the grid on which all values lie, None if there is none.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        Samples of one channel; the first 20 000 are looked at.
+
+    Returns
+    -------
+    float or None
+        Step in the unit of the values.
+    """
+    jumps = np.abs(np.diff(values[:_GRID_SAMPLES]))
+    jumps = jumps[jumps > 1e-9 * max(float(np.abs(values[:_GRID_SAMPLES]).max()), 1e-300)]
+    if jumps.size < 10:
+        return None
+    # the smallest jump, then the mean of all that are this jump, against rounding in the file
+    step = float(np.mean(jumps[jumps < 1.5 * jumps.min()]))
+    multiples = jumps / step
+    off = np.abs(multiples - np.round(multiples))
+    if float(np.mean(off < 0.02)) < 0.999 or float(np.median(multiples)) > 1e3:
+        return None
+    return step
+
+
+def _rounding(imu: ImuRecording, channels: Mapping[str, Identification]) -> list[str]:
+    lines = []
+    for sensor, kind in (("gyro", "angular rate"), ("accel", "acceleration")):
+        steps: dict[str, float] = {}
+        share = 0.0
+        for channel, found in channels.items():
+            step = grid_step(imu.channel(channel)) if channel.startswith(sensor) else None
+            white = found.parameters.get("white_noise.density", 0.0)
+            if step is None or white <= 0.0:
+                continue
+            part = step**2 / 12.0 / imu.rate / white**2
+            if part > _NOTABLE_ROUNDING:
+                steps[channel], share = step, max(share, part)
+        if steps:
+            lines.append(
+                f"{_join(steps)}: values lie on a grid of "
+                f"{format_value(max(steps.values()), kind, digits=3)}; rounding makes up to "
+                f"{100.0 * share:.1f} % of the white noise power"
+            )
+    return lines

@@ -1,0 +1,197 @@
+"""The same parameter by several methods: differences in combined standard deviations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from schuler.estimation.result import MethodResult
+from schuler.noise import GaussMarkov, Process, ProcessSum
+
+AGREE = 2.0
+"""Largest difference in combined standard deviations that counts as agreement."""
+_NOTHING = 2.0
+"""An error so many times the value says that the fit put the term at zero."""
+READINGS = ("slope", "autocorrelation", "gmwm-robust")
+"""Methods that are shown beside the others but have no say in the verdict: two read one curve,
+and the robust one asks for the bulk of the samples, which outliers set apart from all of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterAgreement:
+    """One parameter as several methods find it.
+
+    Parameters
+    ----------
+    parameter : str
+        Such as "white_noise.density"; Gauss-Markov noises are numbered by correlation time where
+        there is more than one.
+    values, standard_errors : dict of str to float
+        By method, SI.
+    differences : dict of str to float
+        Of each method from the first, of logarithms, in combined standard deviations. The
+        methods share their data, so their errors are not independent and the true significance
+        is higher.
+    worst : float
+        Largest difference between any two methods that have a say; 0 if there are fewer than two.
+    worst_pair : tuple of str
+        Which two; empty if there are none.
+    """
+
+    parameter: str
+    values: dict[str, float]
+    standard_errors: dict[str, float]
+    differences: dict[str, float]
+    worst: float
+    worst_pair: tuple[str, ...]
+
+    @property
+    def agree(self) -> bool | None:
+        """True where all that have a say agree; None where fewer than two have."""
+        return self.worst <= AGREE if self.worst_pair else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON, SI."""
+        return {
+            "parameter": self.parameter,
+            "values": dict(self.values),
+            "standard_errors": dict(self.standard_errors),
+            "differences_in_combined_sd": dict(self.differences),
+            "worst": self.worst,
+            "worst_pair": list(self.worst_pair),
+            "agree": self.agree,
+        }
+
+
+def comparable(result: MethodResult) -> dict[str, tuple[float, float]]:
+    """Return the parameters of the processes of a result under names that methods share.
+
+    Parameters
+    ----------
+    result : MethodResult
+        Any; empty for those whose parameters are not those of a sum of processes.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        Value and standard error (zero if unknown); without those that vanished in the fit.
+    """
+    process, errors = result.process, result.standard_errors
+    if not isinstance(process, ProcessSum):
+        return {}
+    names = dict(zip(process.names, _ranked(process), strict=True))
+    out: dict[str, tuple[float, float]] = {}
+    for key, value in process.parameters.items():
+        name, _, field = key.partition(".")
+        if key in errors and value > 0.0 and errors[key] < _NOTHING * value:
+            out[f"{names[name]}.{field}"] = (value, errors[key])
+    return dict(sorted(out.items(), key=lambda item: _place(item[0])))
+
+
+def _ranked(process: ProcessSum) -> list[str]:
+    """Names of the parts with Gauss-Markov noises numbered by their correlation time."""
+    times = sorted(p.correlation_time for p in process.parts if isinstance(p, GaussMarkov))
+    names = []
+    for name, part in zip(process.names, process.parts, strict=True):
+        if isinstance(part, GaussMarkov) and len(times) > 1:
+            names.append(f"gauss_markov_{times.index(part.correlation_time) + 1}")
+        else:
+            names.append(name)
+    return names
+
+
+_KINDS = (
+    "white_noise",
+    "quantization",
+    "gauss_markov",
+    "bias_instability",
+    "random_walk",
+    "rate_ramp",
+)
+
+
+def _place(key: str) -> tuple[int, str, bool]:
+    name, _, field = key.partition(".")
+    rank = [k for k, kind in enumerate(_KINDS) if name.startswith(kind)]
+    return (rank[0] if rank else len(_KINDS), name, field == "correlation_time")
+
+
+def combined_difference(first: tuple[float, float], second: tuple[float, float]) -> float:
+    """Difference of two logarithms in combined standard deviations.
+
+    Parameters
+    ----------
+    first, second : (float, float)
+        Value above zero and standard error.
+
+    Returns
+    -------
+    float
+        Positive where the second is larger; zero where no error is known.
+    """
+    spread = math.hypot(first[1] / first[0], second[1] / second[0])
+    return math.log(second[0] / first[0]) / spread if spread > 0.0 else 0.0
+
+
+def compare_parameters(results: Mapping[str, MethodResult]) -> tuple[ParameterAgreement, ...]:
+    """Lay the parameters of several methods side by side.
+
+    Parameters
+    ----------
+    results : mapping of str to MethodResult
+        By method.
+
+    Returns
+    -------
+    tuple of ParameterAgreement
+        For every parameter that some method found.
+    """
+    found = {method: comparable(result) for method, result in results.items()}
+    keys = sorted({key for named in found.values() for key in named}, key=_place)
+    return tuple(_compared(key, {m: n[key] for m, n in found.items() if key in n}) for key in keys)
+
+
+def _compared(key: str, found: dict[str, tuple[float, float]]) -> ParameterAgreement:
+    first = next(iter(found.values()))
+    voters = [m for m in found if m not in READINGS]
+    pairs = [
+        (abs(combined_difference(found[a], found[b])), (a, b))
+        for k, a in enumerate(voters)
+        for b in voters[k + 1 :]
+    ]
+    worst, pair = max(pairs, default=(0.0, ()))
+    return ParameterAgreement(
+        parameter=key,
+        values={m: value for m, (value, _) in found.items()},
+        standard_errors={m: error for m, (_, error) in found.items()},
+        differences={m: combined_difference(first, pair) for m, pair in found.items()},
+        worst=worst,
+        worst_pair=pair,
+    )
+
+
+def shared_structure(process: Process | None, method: str) -> Process | None:
+    """Return the parts of a structure that a method can fit.
+
+    Parameters
+    ----------
+    process : Process or None
+        Structure that another method chose.
+    method : str
+        The method that shall fit it.
+
+    Returns
+    -------
+    Process or None
+        None where nothing is left.
+    """
+    if process is None:
+        return None
+    unknown = {
+        "psd": ("rate_ramp", "sinusoid", "turn_on_bias"),
+        "ml": ("rate_ramp", "sinusoid", "quantization"),
+    }.get(method, ())
+    parts = tuple(p for p in process.components if p.kind not in unknown)
+    return ProcessSum(parts) if parts else None

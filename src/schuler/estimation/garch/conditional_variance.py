@@ -1,0 +1,230 @@
+"""The recursion of conditional variances: likelihood, prediction, simulation (spec 5.2)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.errors import InputError, ModelError
+from schuler.estimation.signals import checked_signal
+from schuler.types import FloatArray
+
+BACKCAST_DECAY = 0.94
+BACKCAST_SAMPLES = 75
+EWMA_DECAY = 0.98
+_LONGEST_BURN_IN = 200_000
+
+
+def weights(values: ArrayLike, what: str) -> FloatArray:
+    """Return one or more finite weights, zero or above.
+
+    Parameters
+    ----------
+    values : float or (k,) array_like
+        Weights.
+    what : str
+        Their name.
+
+    Returns
+    -------
+    (k,) ndarray
+        float64.
+
+    Raises
+    ------
+    ModelError
+        Negative or not finite.
+    """
+    array = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    if array.ndim != 1 or not np.isfinite(array).all() or (array < 0.0).any():
+        raise ModelError(f"{what} is {array.tolist()}", expected="finite numbers, zero or above")
+    return array
+
+
+def backcast(residuals: FloatArray) -> float:
+    """Variance before the first sample: weighted squares of the first 75 samples.
+
+    Parameters
+    ----------
+    residuals : (n,) ndarray
+        Mean zero.
+
+    Returns
+    -------
+    float
+        With weights 0.94^k, as is usual for GARCH likelihoods.
+    """
+    first = residuals[:BACKCAST_SAMPLES] ** 2
+    weight = BACKCAST_DECAY ** np.arange(first.size)
+    return float(first @ weight / weight.sum())
+
+
+def garch_conditional_variance(
+    residuals: ArrayLike, alpha0: float, alpha: ArrayLike, beta: ArrayLike, *, before: float
+) -> FloatArray:
+    """One-step-ahead variances; each depends on the samples before it alone.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        Mean zero, in u.
+    alpha0 : float
+        In u².
+    alpha, beta : float or array_like
+        Weights of past squares and of past variances, newest first.
+    before : float
+        Square and variance before the first sample in u².
+
+    Returns
+    -------
+    (n,) ndarray
+        Variance of sample t given the samples before t, in u².
+
+    Raises
+    ------
+    InputError, ModelError
+        Not finite; negative weights.
+    """
+    from schuler.kernels.garch import garch_variances
+
+    values = checked_signal(residuals, 0, varying=False)
+    constant = float(weights(alpha0, "alpha0")[0])
+    variances = np.empty(values.size)
+    start = float(weights(before, "variance before the start")[0])
+    garch_variances(
+        values**2, constant, weights(alpha, "alpha"), weights(beta, "beta"), start, variances
+    )
+    return variances
+
+
+def garch_log_likelihood(
+    residuals: ArrayLike,
+    alpha0: float,
+    alpha: ArrayLike,
+    beta: ArrayLike,
+    *,
+    before: float | None = None,
+) -> float:
+    """Gaussian log likelihood of GARCH(p, q) at given parameters.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        Mean zero, in u.
+    alpha0 : float
+        In u².
+    alpha, beta : float or array_like
+        Weights of past squares and of past variances.
+    before : float, optional
+        Square and variance before the first sample; the backcast by default.
+
+    Returns
+    -------
+    float
+        -1/2 sum (ln 2 pi + ln s + e²/s).
+
+    Raises
+    ------
+    InputError, ModelError
+        Not finite; negative weights; a variance of zero.
+
+    Notes
+    -----
+    Spec 5.2, S000 (7).
+    """
+    values = checked_signal(residuals, 1, varying=False)
+    start = backcast(values) if before is None else before
+    variances = garch_conditional_variance(values, alpha0, alpha, beta, before=start)
+    if not (variances > 0.0).all():
+        raise ModelError("the conditional variance becomes zero", expected="alpha0 above zero")
+    terms = math.log(2.0 * math.pi) + np.log(variances) + values**2 / variances
+    return -0.5 * float(terms.sum())
+
+
+def ewma_variance(
+    residuals: ArrayLike, decay: float = EWMA_DECAY, *, before: float | None = None
+) -> FloatArray:
+    """Exponentially weighted variance of the past: GARCH without parameters to fit.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        Mean zero, in u.
+    decay : float
+        Weight of the variance before, 0.98 by default: a memory of 50 samples.
+    before : float, optional
+        Variance before the first sample; without it the first square stands in, and the first
+        variance is that of the first sample itself.
+
+    Returns
+    -------
+    (n,) ndarray
+        Variance of sample t from the samples before t, in u².
+
+    Raises
+    ------
+    InputError
+        A decay outside 0 .. 1, not finite.
+
+    Notes
+    -----
+    RiskMetrics; spec 5.2, the robust fallback.
+    """
+    if not 0.0 < decay < 1.0:
+        raise InputError(f"decay {decay:g}", expected="a number between 0 and 1")
+    values = checked_signal(residuals, 1, varying=False)
+    start = float(values[0] ** 2) if before is None else before
+    return garch_conditional_variance(values, 0.0, 1.0 - decay, decay, before=start)
+
+
+def simulate_garch(
+    samples: int, alpha0: float, alpha: ArrayLike, beta: ArrayLike, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Draw GARCH noise with Gaussian Z, after a start that has been forgotten.
+
+    Parameters
+    ----------
+    samples : int
+        Length.
+    alpha0 : float
+        In u².
+    alpha, beta : float or array_like
+        Weights of past squares and of past variances.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    noise : (samples,) ndarray
+        In u.
+    variance : (samples,) ndarray
+        Its true conditional variance in u².
+
+    Raises
+    ------
+    ModelError
+        No finite variance: the weights sum to one or more.
+
+    Notes
+    -----
+    Spec 5.2 and 1.1. The start is run for ten half-lives, at most 200 000 samples.
+    """
+    from schuler.kernels.garch import garch_noise
+
+    if samples < 0:
+        raise ModelError(f"{samples} samples were asked for", expected="zero or more")
+    past, memory = weights(alpha, "alpha"), weights(beta, "beta")
+    constant = float(weights(alpha0, "alpha0")[0])
+    persistence = float(past.sum() + memory.sum())
+    if persistence >= 1.0:
+        raise ModelError(
+            f"GARCH weights sum to {persistence:.9g}", expected="less than one (finite variance)"
+        )
+    half_life = -math.log(2.0) / math.log(max(persistence, 1e-3))
+    burn_in = int(min(10.0 * half_life, _LONGEST_BURN_IN)) + past.size + memory.size
+    noise = rng.standard_normal(burn_in + samples)
+    variance = np.empty(noise.size)
+    garch_noise(noise, constant, past, memory, constant / (1.0 - persistence), variance)
+    return noise[burn_in:].copy(), variance[burn_in:].copy()

@@ -1,0 +1,305 @@
+"""Maxima of the GARCH likelihood of scaled noise, free or with the variance tied (spec 5.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler.estimation.garch.conditional_variance import backcast
+from schuler.estimation.garch.search import (
+    SMALLEST_CONSTANT,
+    Problem,
+    Slopes,
+    Summit,
+    climb,
+    inverse,
+    observed_information,
+)
+from schuler.types import FloatArray
+
+STARTS = ((0.05, 0.90), (0.02, 0.975), (0.01, 0.988), (0.1, 0.8), (0.2, 0.4))
+"""Sums of the weights of past squares and of past variances from which the search starts."""
+NEAR = 1e-4
+"""Squared distance to a maximum, in standard errors, at which a start counts as arrived."""
+_NO_WEIGHT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class StartEnd:
+    """Sums of the weights at a start; value and squared distance to the maximum at its end."""
+
+    alpha: float
+    beta: float
+    value: float
+    distance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GarchSolution:
+    """The highest maximum found, in units of the scaled noise.
+
+    Parameters
+    ----------
+    parameters : (p + q + 1,) ndarray
+        alpha0, alpha, beta.
+    covariance : (p + q + 1, p + q + 1) ndarray
+        QMLE sandwich.
+    value : float
+        -1/2 sum (ln s + e²/s).
+    distance : float
+        Squared distance to the maximum in standard errors.
+    singular : bool
+        Some combination of the parameters is not determined.
+    constant : bool
+        The weights of all past squares are zero.
+    targeted : bool
+        alpha0 was tied to the sample variance.
+    before : float
+        Variance before the first sample.
+    starts : tuple of StartEnd
+        All starts.
+    """
+
+    parameters: FloatArray
+    covariance: FloatArray
+    value: float
+    distance: float
+    singular: bool
+    constant: bool
+    targeted: bool
+    before: float
+    starts: tuple[StartEnd, ...]
+
+    @property
+    def persistence(self) -> float:
+        """Sum of all weights."""
+        return float(self.parameters[1:].sum())
+
+
+def garch_slopes(
+    unit: FloatArray, p: int, q: int, before: float
+) -> Callable[[FloatArray, FloatArray], Slopes]:
+    """Bind noise and orders to the likelihood kernel.
+
+    Parameters
+    ----------
+    unit : (n,) ndarray
+        Noise of about unit variance.
+    p, q : int
+        Orders.
+    before : float
+        Variance before the first sample.
+
+    Returns
+    -------
+    callable
+        From parameters and an array for the outer products of the scores (empty: not wanted) to
+        value, gradient, information.
+    """
+    from schuler.kernels.garch import arma_garch_slopes, garch11_slopes
+
+    squares = unit**2
+    k = p + q + 1
+    short = (p, q) == (1, 1)
+    residual, variances = np.empty((2, 0 if short else unit.size))
+
+    def evaluate(u: FloatArray, outer: FloatArray) -> Slopes:
+        score, information = np.empty(k), np.empty((k, k))
+        if short:
+            a0, a1, b1 = u.tolist()
+            value = garch11_slopes(squares, a0, a1, b1, before, score, information, outer)
+        else:
+            value = arma_garch_slopes(
+                unit, u, -1, 0, p, q, before, score, information, outer, residual, variances
+            )
+        return value, score, information
+
+    return evaluate
+
+
+_NO_OUTER = np.zeros((0, 0))
+
+
+def solve(unit: FloatArray, p: int, q: int) -> GarchSolution:
+    """Find the maximum over alpha0, alpha and beta from all starts.
+
+    Parameters
+    ----------
+    unit : (n,) ndarray
+        Noise of about unit variance.
+    p, q : int
+        Orders.
+
+    Returns
+    -------
+    GarchSolution
+        With QMLE errors: inverse observed information around the outer product of the scores.
+    """
+    before, k = backcast(unit), p + q + 1
+    evaluate = garch_slopes(unit, p, q, before)
+    problem = Problem(
+        evaluate=lambda u: evaluate(u, _NO_OUTER),
+        lower=np.concatenate([[SMALLEST_CONSTANT], np.zeros(p + q)]),
+        positive=np.arange(k) == 0,
+        weights=np.arange(k) > 0,
+        allowed=lambda u: True,
+    )
+    variance = float(np.mean(unit**2))
+    begins = [
+        np.concatenate([[variance * (1.0 - a - b)], np.full(p, a / p), np.full(q, b / max(q, 1))])
+        for a, b in _starts(q)
+    ]
+    best, starts = _best(problem, begins, q)
+    if not (best.parameters[1 : p + 1] > _NO_WEIGHT).any():
+        return _at_constant(evaluate, variance, p, q, before, starts)
+    outer = np.zeros((k, k))
+    evaluate(best.parameters, outer)
+    bread, _ = inverse(observed_information(problem, best))
+    _, singular = inverse(best.information[np.ix_(best.free, best.free)])
+    sandwich = bread @ outer @ bread
+    return GarchSolution(
+        best.parameters,
+        sandwich,
+        best.value,
+        best.distance,
+        singular,
+        False,
+        False,
+        before,
+        starts,
+    )
+
+
+def _starts(q: int) -> tuple[tuple[float, float], ...]:
+    return STARTS if q else ((0.3, 0.0), (0.8, 0.0), (0.05, 0.0))
+
+
+def _best(
+    problem: Problem, begins: list[FloatArray], q: int
+) -> tuple[Summit, tuple[StartEnd, ...]]:
+    summits = [climb(problem, start, close=NEAR) for start in begins]
+    ends = tuple(
+        StartEnd(a, b, s.value, s.distance) for (a, b), s in zip(_starts(q), summits, strict=True)
+    )
+    best = max(summits, key=lambda s: s.value)
+    return climb(problem, best.parameters), ends
+
+
+def _at_constant(
+    evaluate: Callable[[FloatArray, FloatArray], Slopes],
+    variance: float,
+    p: int,
+    q: int,
+    before: float,
+    starts: tuple[StartEnd, ...],
+) -> GarchSolution:
+    """Return the maximum with all weights zero, where the likelihood is that of white noise."""
+    parameters = np.zeros(p + q + 1)
+    parameters[0] = variance
+    outer = np.zeros((p + q + 1, p + q + 1))
+    value, score, information = evaluate(parameters, outer)
+    covariance = np.zeros_like(outer)
+    covariance[0, 0] = outer[0, 0] / information[0, 0] ** 2
+    distance = float(score[0] ** 2 / information[0, 0])
+    return GarchSolution(
+        parameters, covariance, value, distance, False, True, False, before, starts
+    )
+
+
+def solve_targeted(unit: FloatArray, p: int, q: int) -> GarchSolution:
+    """Find the maximum over alpha and beta, alpha0 being s² (1 - persistence).
+
+    Parameters
+    ----------
+    unit : (n,) ndarray
+        Noise of about unit variance.
+    p, q : int
+        Orders.
+
+    Returns
+    -------
+    GarchSolution
+        The errors take in that of the sample variance s².
+
+    Notes
+    -----
+    Francq, Horváth and Zakoïan 2011: (1 - persistence)(s² - variance) is, up to the ends of the
+    record, (1 - sum beta) times the mean of e² - s, so that s² has scores like the others.
+    """
+    before = backcast(unit)
+    variance = float(np.mean(unit**2))
+    evaluate = garch_slopes(unit, p, q, before)
+    weights = np.vstack([np.full(p + q, -variance), np.eye(p + q)])
+
+    def full(w: FloatArray) -> FloatArray:
+        return np.concatenate([[variance * (1.0 - float(w.sum()))], w])
+
+    def tied(w: FloatArray) -> Slopes:
+        value, score, information = evaluate(full(w), _NO_OUTER)
+        return value, weights.T @ score, weights.T @ information @ weights
+
+    problem = Problem(
+        evaluate=tied,
+        lower=np.zeros(p + q),
+        positive=np.zeros(p + q, dtype=np.bool_),
+        weights=np.ones(p + q, dtype=np.bool_),
+        allowed=lambda w: True,
+    )
+    begins = [np.concatenate([np.full(p, a / p), np.full(q, b / max(q, 1))]) for a, b in _starts(q)]
+    best, starts = _best(problem, begins, q)
+    if not (best.parameters[:p] > _NO_WEIGHT).any():
+        return _at_constant(evaluate, variance, p, q, before, starts)
+    parameters = full(best.parameters)
+    _, singular = inverse(best.information[np.ix_(best.free, best.free)])
+    information = evaluate(parameters, _NO_OUTER)[2]
+    covariance = _targeted_covariance(unit, parameters, p, before, information, weights)
+    return GarchSolution(
+        parameters,
+        covariance,
+        best.value,
+        best.distance,
+        singular,
+        False,
+        True,
+        before,
+        starts,
+    )
+
+
+def _targeted_covariance(
+    unit: FloatArray,
+    parameters: FloatArray,
+    p: int,
+    before: float,
+    information: FloatArray,
+    weights: FloatArray,
+) -> FloatArray:
+    """Sandwich of the scores of the weights and of the sample variance together."""
+    from scipy.signal import lfilter
+
+    from schuler.estimation.garch.conditional_variance import garch_conditional_variance
+
+    n, alpha, beta = unit.size, parameters[1 : p + 1], parameters[p + 1 :]
+    variances = garch_conditional_variance(unit, parameters[0], alpha, beta, before=before)
+    squares = unit**2
+
+    def lagged(values: FloatArray, lag: int) -> FloatArray:
+        return np.concatenate([np.full(lag, before), values[:-lag]])
+
+    inputs = [np.ones(n)]
+    inputs += [lagged(squares, i) for i in range(1, alpha.size + 1)]
+    inputs += [lagged(variances, j) for j in range(1, beta.size + 1)]
+    slopes = lfilter([1.0], np.concatenate([[1.0], -beta]), np.stack(inputs))
+    surprise = squares - variances
+    samples = np.vstack([slopes * (0.5 * surprise / variances**2), surprise])
+    loss = 1.0 - float(parameters[1:].sum())
+    samples[-1] *= (1.0 - float(beta.sum())) / (loss * n)
+    along = np.zeros(parameters.size)
+    along[0] = loss
+    solved, _ = inverse(weights.T @ information @ weights)
+    of_scores = weights @ solved @ weights.T
+    of_variance = along - of_scores @ information @ along
+    influence = np.column_stack([of_scores, of_variance])
+    return np.asarray(influence @ (samples @ samples.T) @ influence.T)

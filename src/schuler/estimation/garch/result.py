@@ -1,0 +1,272 @@
+"""What a GARCH fit gives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.estimation.garch.conditional_variance import garch_conditional_variance, simulate_garch
+from schuler.estimation.residuals.tests import ResidualTests
+from schuler.estimation.signals import checked_signal
+from schuler.noise import WhiteNoise
+from schuler.types import FloatArray
+
+Method = Literal["maximum likelihood", "variance targeting", "ewma", "constant"]
+
+
+@dataclass(frozen=True, slots=True)
+class GarchStart:
+    """Where one start of the search began and ended.
+
+    Parameters
+    ----------
+    alpha, beta : float
+        Sums of the weights at the start.
+    log_likelihood : float
+        At the end.
+    converged : bool
+        It ended within a hundredth of a standard error of a maximum. The best is then refined.
+    """
+
+    alpha: float
+    beta: float
+    log_likelihood: float
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GarchCandidate:
+    """One order of a selection; see `select_garch`."""
+
+    p: int
+    q: int
+    log_likelihood: float
+    aic: float
+    bic: float
+    rejected: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GarchFit:
+    """s(t) = alpha0 + sum alpha_i e²(t-i) + sum beta_j s(t-j), fitted.
+
+    Parameters
+    ----------
+    alpha0 : float
+        In u².
+    alpha : (p,) ndarray
+        Weights of past squares.
+    beta : (q,) ndarray
+        Weights of past variances.
+    mean : float
+        Taken off the signal first, in u.
+    covariance : (p + q + 1, p + q + 1) ndarray
+        Of alpha0, alpha, beta: the QMLE sandwich, right whatever the law of Z.
+    standard_errors : dict of str to float
+        By "alpha0", "alpha_1", ..., "beta_1", ..., "persistence".
+    t_values, p_values : dict of str to float
+        Value over standard error, two-sided; not valid for a parameter at its bound zero.
+    log_likelihood, aic, bic : float
+        Gaussian; log_likelihood is infinite for a signal that does not vary.
+    start_variance : float
+        Square and variance before the first sample in the fit (backcast), in u².
+    samples : int
+        Length of the signal.
+    rate : float
+        Samples a second, for `process`.
+    method : {"maximum likelihood", "variance targeting", "ewma", "constant"}
+        What the parameters come from.
+    converged : bool
+        The slope of the likelihood is zero at an inner, determined point, or the maximum is at
+        a constant variance.
+    flags : tuple of str
+        What to know before use.
+    before, after : ResidualTests or None
+        Tests of the signal, and of the signal divided by its conditional deviation.
+    starts : tuple of GarchStart
+        All starts of the search.
+    candidates : tuple of GarchCandidate
+        The orders that `select_garch` compared.
+    """
+
+    alpha0: float
+    alpha: FloatArray
+    beta: FloatArray
+    mean: float
+    covariance: FloatArray
+    standard_errors: dict[str, float]
+    t_values: dict[str, float]
+    p_values: dict[str, float]
+    log_likelihood: float
+    aic: float
+    bic: float
+    start_variance: float
+    samples: int
+    rate: float
+    method: Method
+    converged: bool
+    flags: tuple[str, ...]
+    before: ResidualTests | None
+    after: ResidualTests | None
+    starts: tuple[GarchStart, ...] = ()
+    candidates: tuple[GarchCandidate, ...] = ()
+
+    @property
+    def order(self) -> tuple[int, int]:
+        """Orders p (squares) and q (variances)."""
+        return self.alpha.size, self.beta.size
+
+    @property
+    def persistence(self) -> float:
+        """Sum of all weights; the share of a disturbance of the variance left a sample later."""
+        return float(self.alpha.sum() + self.beta.sum())
+
+    @property
+    def unconditional_variance(self) -> float:
+        """alpha0/(1 - persistence) in u²; infinite for EWMA."""
+        loss = 1.0 - self.persistence
+        return self.alpha0 / loss if loss > 1e-12 else math.inf
+
+    @property
+    def half_life(self) -> float:
+        """Samples in which a disturbance of the variance falls to half."""
+        persistence = self.persistence
+        if persistence <= 0.0:
+            return 0.0
+        return math.log(0.5) / math.log(persistence) if persistence < 1.0 - 1e-12 else math.inf
+
+    @property
+    def process(self) -> WhiteNoise:
+        """White noise of the unconditional variance (of the start for EWMA)."""
+        variance = self.unconditional_variance
+        variance = variance if math.isfinite(variance) else self.start_variance
+        return WhiteNoise(math.sqrt(variance / self.rate))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by the names of the standard errors."""
+        return {
+            "alpha0": self.alpha0,
+            **{f"alpha_{i}": float(v) for i, v in enumerate(self.alpha, 1)},
+            **{f"beta_{j}": float(v) for j, v in enumerate(self.beta, 1)},
+            "persistence": self.persistence,
+        }
+
+    def conditional_variance(self, signal: ArrayLike, *, before: float | None = None) -> FloatArray:
+        """Variance of every sample given the samples before it: no look-ahead.
+
+        Parameters
+        ----------
+        signal : (n,) array_like
+            In u.
+        before : float, optional
+            Square and variance before the first sample in u²; the unconditional variance by
+            default (the start of the fit for EWMA).
+
+        Returns
+        -------
+        (n,) ndarray
+            In u².
+        """
+        values = checked_signal(signal, 0, varying=False) - self.mean
+        return garch_conditional_variance(
+            values, self.alpha0, self.alpha, self.beta, before=self._before(before)
+        )
+
+    def _before(self, before: float | None) -> float:
+        if before is not None:
+            return before
+        variance = self.unconditional_variance
+        return variance if math.isfinite(variance) else self.start_variance
+
+    def volatility(self, signal: ArrayLike, *, before: float | None = None) -> FloatArray:
+        """Square root of `conditional_variance`, in u."""
+        return np.asarray(np.sqrt(self.conditional_variance(signal, before=before)))
+
+    def standardized_residuals(
+        self, signal: ArrayLike, *, before: float | None = None
+    ) -> FloatArray:
+        """Z: signal less mean over `volatility`; white with variance one if the model is right."""
+        values = checked_signal(signal, 0, varying=False) - self.mean
+        return np.asarray(values / self.volatility(signal, before=before))
+
+    def forecast(self, signal: ArrayLike, steps: int) -> FloatArray:
+        """Variances of the samples after the end of a signal.
+
+        Parameters
+        ----------
+        signal : (n,) array_like
+            In u.
+        steps : int
+            How many.
+
+        Returns
+        -------
+        (steps,) ndarray
+            In u²; the first is the one-step forecast, far ones the unconditional variance.
+        """
+        values = checked_signal(signal, 1, varying=False) - self.mean
+        start = self._before(None)
+        longest = max(self.order)
+        squares = np.concatenate([np.full(longest, start), values**2])
+        past = np.concatenate([np.full(longest, start), self.conditional_variance(signal)])
+        out: list[float] = []
+        for _ in range(steps):
+            ahead = self.alpha0 + float(self.alpha @ squares[: -self.alpha.size - 1 : -1])
+            if self.beta.size:
+                ahead += float(self.beta @ past[: -self.beta.size - 1 : -1])
+            # the square that is expected of an unknown sample is its variance
+            squares, past = np.append(squares[-longest:], ahead), np.append(past[-longest:], ahead)
+            out.append(ahead)
+        return np.array(out)
+
+    def simulate(self, samples: int, rng: np.random.Generator) -> FloatArray:
+        """Draw noise of this model, mean included; see `simulate_garch`."""
+        drawn, _ = simulate_garch(samples, self.alpha0, self.alpha, self.beta, rng)
+        return np.asarray(drawn + self.mean)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON, SI; None for what is infinite."""
+
+        def number(value: float | None) -> float | None:
+            return value if value is not None and math.isfinite(value) else None
+
+        return {
+            "p": self.order[0],
+            "q": self.order[1],
+            "parameters": {
+                key: {
+                    "value": value,
+                    "standard_error": number(self.standard_errors.get(key)),
+                    "t_value": number(self.t_values.get(key)),
+                    "p_value": number(self.p_values.get(key)),
+                }
+                for key, value in self.values.items()
+            },
+            "mean": self.mean,
+            "persistence": self.persistence,
+            "unconditional_variance": number(self.unconditional_variance),
+            "half_life_samples": number(self.half_life),
+            "log_likelihood": number(self.log_likelihood),
+            "aic": number(self.aic),
+            "bic": number(self.bic),
+            "samples": self.samples,
+            "rate": self.rate,
+            "method": self.method,
+            "converged": self.converged,
+            "flags": list(self.flags),
+            "before": self.before.to_dict() if self.before else None,
+            "after": self.after.to_dict() if self.after else None,
+            "starts": [
+                {"alpha": s.alpha, "beta": s.beta, "log_likelihood": s.log_likelihood}
+                for s in self.starts
+            ],
+            "candidates": [
+                {"p": c.p, "q": c.q, "aic": number(c.aic), "bic": number(c.bic)}
+                for c in self.candidates
+            ],
+        }

@@ -1,0 +1,220 @@
+"""Climbing a likelihood whose parameters have bounds, from several starts (spec 5.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.types import FloatArray
+
+Slopes = tuple[float, FloatArray, FloatArray]
+
+PERSISTENCE_EDGE = 1e-7
+"""The sum of all weights stays this far below one."""
+SMALLEST_CONSTANT = 1e-14
+"""Lower bound of alpha0 in units of the variance."""
+CLOSE_ENOUGH = 1e-9
+_DAMPINGS = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """A likelihood to climb.
+
+    Parameters
+    ----------
+    evaluate : callable
+        From parameters to value, gradient and expected information.
+    lower : (k,) ndarray
+        Lower bounds, -inf for none.
+    positive : (k,) ndarray of bool
+        Parameters that approach their lower bound but never reach it.
+    weights : (k,) ndarray of bool
+        Parameters whose sum stays below one.
+    allowed : callable
+        Any further condition on the parameters.
+    """
+
+    evaluate: Callable[[FloatArray], Slopes]
+    lower: FloatArray
+    positive: NDArray[np.bool_]
+    weights: NDArray[np.bool_]
+    allowed: Callable[[FloatArray], bool]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Summit:
+    """Where a climb ended.
+
+    Parameters
+    ----------
+    parameters : (k,) ndarray
+        There.
+    value : float
+        Of the likelihood.
+    gradient : (k,) ndarray
+        Of the likelihood.
+    information : (k, k) ndarray
+        Expected.
+    free : (k,) ndarray of bool
+        False for parameters held at their bound.
+    distance : float
+        Squared distance to the maximum over the free parameters in standard errors.
+    """
+
+    parameters: FloatArray
+    value: float
+    gradient: FloatArray
+    information: FloatArray
+    free: NDArray[np.bool_]
+    distance: float
+
+
+def climb(
+    problem: Problem, start: FloatArray, steps: int = 80, close: float = CLOSE_ENOUGH
+) -> Summit:
+    """Follow damped scoring steps uphill within the bounds.
+
+    Parameters
+    ----------
+    problem : Problem
+        What to climb.
+    start : (k,) ndarray
+        Within the bounds.
+    steps : int
+        At most.
+    close : float
+        Squared distance to the maximum in standard errors at which to stop.
+
+    Returns
+    -------
+    Summit
+        The highest point reached.
+    """
+    here = start.copy()
+    value, gradient, information = problem.evaluate(here)
+    for _ in range(steps):
+        free = ~((here <= problem.lower) & (gradient <= 0.0))
+        distance = _distance(gradient, information, free)
+        if distance < close:
+            break
+        for damping in _DAMPINGS:
+            tried = _moved(problem, here, _step(gradient, information, free, damping))
+            if tried is None:
+                continue
+            result = problem.evaluate(tried)
+            if result[0] > value:
+                here = tried
+                value, gradient, information = result
+                break
+        else:
+            break
+    free = ~((here <= problem.lower) & (gradient <= 0.0))
+    distance = _distance(gradient, information, free)
+    return Summit(here, value, gradient.copy(), information.copy(), free, distance)
+
+
+def _step(
+    gradient: FloatArray, information: FloatArray, free: NDArray[np.bool_], damping: float
+) -> FloatArray:
+    inner = information[np.ix_(free, free)]
+    if not (np.isfinite(inner).all() and np.isfinite(gradient).all()):
+        return np.zeros(gradient.size)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
+    step = np.zeros(gradient.size)
+    step[free] = scale * np.linalg.lstsq(unit, scale * gradient[free], rcond=1e-15)[0]
+    return step
+
+
+def _distance(gradient: FloatArray, information: FloatArray, free: NDArray[np.bool_]) -> float:
+    if not free.any():
+        return 0.0
+    if not (np.isfinite(gradient).all() and np.isfinite(information).all()):
+        return np.inf
+    return float(gradient @ _step(gradient, information, free, 0.0))
+
+
+def _moved(problem: Problem, here: FloatArray, step: FloatArray) -> FloatArray | None:
+    """Go along a step as far as the bounds allow."""
+    share = 1.0
+    down = problem.positive & (step < 0.0)
+    room = 0.9 * (here - problem.lower)
+    if down.any():
+        share = min(share, float(np.min(room[down] / -step[down])))
+    slack = 1.0 - PERSISTENCE_EDGE - float(here[problem.weights].sum())
+    rise = float(step[problem.weights].sum())
+    if rise > 0.0:
+        share = min(share, 0.9 * slack / rise)
+    for _ in range(4):
+        tried = np.maximum(here + share * step, problem.lower)
+        inside = float(tried[problem.weights].sum()) < 1.0 - PERSISTENCE_EDGE
+        if share > 0.0 and inside and np.isfinite(tried).all() and problem.allowed(tried):
+            return tried
+        share *= 0.3
+    return None
+
+
+def observed_information(problem: Problem, summit: Summit) -> FloatArray:
+    """Negative second derivative of the likelihood by differences of its gradient.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was climbed.
+    summit : Summit
+        Where.
+
+    Returns
+    -------
+    (k, k) ndarray
+        Symmetric; the expected information if it is not positive definite.
+    """
+    here, k = summit.parameters, summit.parameters.size
+    hessian = np.empty((k, k))
+    for i in range(k):
+        width = 0.03 / np.sqrt(max(summit.information[i, i], 1e-300))
+        width = min(width, 0.1 * (here[i] - problem.lower[i])) if summit.free[i] else 0.0
+        slack = 1.0 - float(here[problem.weights].sum())
+        if problem.weights[i]:
+            width = min(width, 0.1 * slack)
+        if not width > 0.0:
+            return summit.information
+        low, high = here.copy(), here.copy()
+        low[i] -= width
+        high[i] += width
+        if not (problem.allowed(low) and problem.allowed(high)):
+            return summit.information
+        below = problem.evaluate(low)[1].copy()
+        hessian[i] = (below - problem.evaluate(high)[1]) / (high[i] - low[i])
+    hessian = 0.5 * (hessian + hessian.T)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(summit.information), 1e-300))
+    lowest = float(np.linalg.eigvalsh(hessian * np.outer(scale, scale))[0])
+    return hessian if lowest > 1e-8 else summit.information
+
+
+def inverse(matrix: FloatArray) -> tuple[FloatArray, bool]:
+    """Invert a non-negative matrix, and tell whether some direction is not determined.
+
+    Parameters
+    ----------
+    matrix : (k, k) ndarray
+        Symmetric.
+
+    Returns
+    -------
+    inverse : (k, k) ndarray
+        With eigenvalues floored.
+    singular : bool
+        True if one had to be.
+    """
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    by = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(matrix * by)
+    floor = 1e-10 * max(float(values[-1]), 1.0)
+    singular = bool(values[0] < floor)
+    return (vectors / np.maximum(values, floor)) @ vectors.T * by, singular

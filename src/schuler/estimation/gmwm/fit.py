@@ -1,0 +1,341 @@
+"""Processes from wavelet variances, plain or robust."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from schuler.curves.robust import biweight_tuning, median_scale, robust_variance
+from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
+from schuler.errors import EstimationError, InputError, ModelError
+from schuler.estimation.curve_fit import FREE, CurvePoints, fit_structure, free_parameters
+from schuler.estimation.gmwm.moments import MomentFit, fit_moments, heterogeneity
+from schuler.estimation.gmwm.result import GmwmIdentification, describe_fit
+from schuler.estimation.gmwm.scatter import pooled_points, pooled_scatter
+from schuler.estimation.selection import rough_process, select_structure
+from schuler.noise import (
+    BiasInstability,
+    GaussMarkov,
+    Process,
+    RandomWalk,
+    WhiteNoise,
+)
+
+__all__ = [
+    "GmwmIdentification",
+    "at_scales_from",
+    "fit_gmwm",
+    "fit_gmwm_curves",
+    "one_channel",
+    "tail_ratio",
+]
+
+Model = Literal["auto", "classical"] | Process
+Robust = bool | Literal["samples", "coefficients"]
+
+_SHORTEST_RECORD = 100
+_BAND_EDGES = (10, 50)
+_FASTEST = 3.0
+_FEWEST_SCALES = 8
+_MISFIT = 1e-3
+
+
+def fit_gmwm(
+    signal: ArrayLike,
+    rate: float,
+    model: Model = "auto",
+    robust: Robust = False,
+    efficiency: float = 0.6,
+) -> GmwmIdentification:
+    """Find the sum of processes of a signal by the generalised method of wavelet moments.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at rest, in rad/s or m/s² (or any unit; the result is in the same).
+    rate : float
+        Samples a second.
+    model : {"auto", "classical"} or Process
+        "auto" chooses among white noise, quantisation, up to three Gauss-Markov noises, random
+        walk and ramp; "classical" is white noise, bias instability and random walk; a process
+        (sum) fixes the structure.
+    robust : bool or {"samples", "coefficients"}
+        As for `wavelet_variance`: hold outliers back.
+    efficiency : float
+        Of the robust estimate.
+
+    Returns
+    -------
+    GmwmIdentification
+        Process, sandwich standard errors, J test, flags.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional, not finite, an impossible rate, an unknown model.
+    EstimationError
+        Fewer than 100 samples, or a signal that does not vary.
+    ModelError
+        A model without a parameter that a wavelet variance shows.
+    """
+    values = one_channel(signal)
+    curve = wavelet_variance(values, rate, robust, efficiency)
+    return fit_gmwm_curves([curve], model, tail_ratio(values) if not robust else 1.0)
+
+
+def fit_gmwm_curves(
+    curves: Sequence[WaveletVarianceCurve], model: Model = "auto", tails: float = 1.0
+) -> GmwmIdentification:
+    """Fit one model to wavelet variance curves of one sensor.
+
+    Parameters
+    ----------
+    curves : sequence of WaveletVarianceCurve
+        At one rate.
+    model : {"auto", "classical"} or Process
+        As for `fit_gmwm`.
+    tails : float
+        Variance at the finest scale over its robust value, for the flag; 1 if unknown.
+
+    Returns
+    -------
+    GmwmIdentification
+        As from `fit_gmwm`.
+
+    Raises
+    ------
+    EstimationError
+        A signal that does not vary or is too short.
+    InputError
+        Curves at different rates.
+    """
+    if any(c.rate != curves[0].rate for c in curves):
+        raise InputError("records at different rates", expected="one rate")
+    for curve in curves:
+        if curve.scale.size < 4 or not (curve.variance > 0.0).all():
+            raise EstimationError(
+                "signal does not vary at every scale",
+                expected="noise",
+                cure="check that the channel was recorded and is not stuck",
+            )
+    start = _start(model, curves[0])
+    kept, fit = list(curves), None
+    candidates: dict[str, float] = {}
+    for edge in (1, *_BAND_EDGES):
+        slow = [at_scales_from(c, (edge - 0.5) / c.rate) for c in curves]
+        if edge > 1 and min(c.scale.size for c in slow) < _FEWEST_SCALES:
+            break
+        kept = slow
+        fit, candidates = _fit(start, kept, 0.0)
+        if _fits(fit, kept, 0.0) and (start is not None or not _filter_of_the_sensor(fit, kept)):
+            break
+    assert fit is not None
+    granted = 0.0
+    if not _fits(fit, kept, 0.0):
+        granted = _discrepancy(fit, kept, 0.0)
+        fit, candidates = _fit(start, kept, granted)
+        more = _discrepancy(fit, kept, granted)
+        if more != granted:
+            granted = more
+            fit = fit_moments(fit.parts, kept, granted)
+    return describe_fit(fit, kept, granted, candidates, tails)
+
+
+def _fit(
+    start: tuple[Process, ...] | None,
+    curves: Sequence[WaveletVarianceCurve],
+    granted: float,
+) -> tuple[MomentFit, dict[str, float]]:
+    """Choose the structure where it is not given, and fit it."""
+    points = pooled_points(curves)
+    if start is None:
+        scatter = pooled_scatter(rough_process(points), curves, points)
+        chosen, candidates = select_structure(points, scatter.with_discrepancy(granted))
+        return fit_moments(chosen.parts, curves, granted), candidates
+    return fit_moments(_log_fit(start, curves, points), curves, granted), {}
+
+
+def _filter_of_the_sensor(fit: MomentFit, curves: Sequence[WaveletVarianceCurve]) -> bool:
+    """Whether a Gauss-Markov noise describes only the fastest scales.
+
+    A sensor's own low-pass filter correlates neighbouring samples, which none of the processes
+    describes and no navigation filter feels.
+    """
+    edge = _FASTEST * curves[0].scale[0]
+    return any(isinstance(p, GaussMarkov) and p.correlation_time < edge for p in fit.parts)
+
+
+def _misfit(
+    fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float
+) -> tuple[float, int]:
+    """Misfit within records and its degrees of freedom: what records do not share is left out."""
+    if len(curves) == 1:
+        return fit.chi_square, max(fit.degrees_of_freedom, 1)
+    between, freedom = heterogeneity(fit, curves, granted)
+    return fit.chi_square - between, max(fit.degrees_of_freedom - freedom, 1)
+
+
+def _fits(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> bool:
+    """Whether the misfit may be chance."""
+    from scipy.special import chdtri
+
+    chi_square, freedom = _misfit(fit, curves, granted)
+    return chi_square <= float(chdtri(freedom, _MISFIT))
+
+
+def one_channel(signal: ArrayLike) -> NDArray[Any]:
+    """Check that a signal is one channel of at least a hundred samples.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples.
+
+    Returns
+    -------
+    (n,) ndarray
+        The same.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional.
+    EstimationError
+        Too short.
+    """
+    values = np.asarray(signal)
+    if values.ndim != 1:
+        raise InputError(f"signal has shape {values.shape}", expected="(n,), one channel at a time")
+    if values.size < _SHORTEST_RECORD:
+        raise EstimationError(
+            f"signal has {values.size} samples",
+            expected=f"at least {_SHORTEST_RECORD}",
+            cure="record longer",
+        )
+    return values
+
+
+def tail_ratio(values: NDArray[Any]) -> float:
+    """Compare the variance at the finest scale with what it is without outliers.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        Signal.
+
+    Returns
+    -------
+    float
+        Variance of the differences over its robust value; 1 where most of them are zero.
+    """
+    step = np.diff(values.astype(np.float64))
+    plain = float(step @ step) / step.size
+    if plain == 0.0 or median_scale(step) == 0.0:
+        return 1.0
+    return plain / robust_variance(step, biweight_tuning(0.5))[0]
+
+
+def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVarianceCurve:
+    """Return the curve at scales from `shortest` s on.
+
+    Parameters
+    ----------
+    curve : WaveletVarianceCurve
+        A curve.
+    shortest : float
+        Scale in s.
+
+    Returns
+    -------
+    WaveletVarianceCurve
+        Without the faster scales.
+    """
+    keep = curve.scale >= shortest * (1.0 - 1e-9)
+    return replace(
+        curve,
+        scale=curve.scale[keep],
+        variance=curve.variance[keep],
+        lower=curve.lower[keep],
+        upper=curve.upper[keep],
+        degrees_of_freedom=curve.degrees_of_freedom[keep],
+    )
+
+
+def _start(model: Model, curve: WaveletVarianceCurve) -> tuple[Process, ...] | None:
+    if isinstance(model, str) and model == "auto":
+        return None
+    if isinstance(model, str) and model == "classical":
+        shortest, longest = 2.0 / curve.rate, 10.0 * curve.duration
+        classical = WhiteNoise(1.0) + BiasInstability(1.0, shortest, longest) + RandomWalk(1.0)
+        parts: tuple[Process, ...] = classical.components
+    elif isinstance(model, Process):
+        parts = model.components
+    else:
+        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
+    if not free_parameters(parts):
+        raise ModelError("the model has no parameter that a wavelet variance shows")
+    return parts
+
+
+def _log_fit(
+    parts: Sequence[Process], curves: Sequence[WaveletVarianceCurve], points: CurvePoints
+) -> tuple[Process, ...]:
+    """Start values: the best joint fit of the log curve, times as given or along the curve."""
+    scatter = pooled_scatter(rough_process(points), curves, points)
+    starts = [list(parts), *_other_times(parts, points)]
+    fits = [
+        fit_structure([_scaled(p, points) for p in start], points, scatter, 30) for start in starts
+    ]
+    best = min(fits, key=lambda f: f.chi_square)
+    return fit_structure(best.parts, points, scatter).parts
+
+
+def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Process]]:
+    """The structure with its correlation times spread over the curve in several ways.
+
+    Given times may only say how many there are, not how long. Their order is kept.
+    """
+    noises = [(p.correlation_time, k) for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
+    if not noises:
+        return []
+    count = max(4, 2 * len(noises))
+    grid = np.geomspace(2.0 * points.tau[0], points.tau[-1], count)
+    starts = []
+    for first in range(count - len(noises) + 1):
+        chosen = np.linspace(first, count - 1, len(noises)).astype(int)
+        if len(noises) == 1:
+            chosen = np.array([first])
+        moved = list(parts)
+        for (_, k), j in zip(sorted(noises), chosen, strict=True):
+            moved[k] = replace(parts[k], correlation_time=float(grid[j]))  # type: ignore[type-var]
+        starts.append(moved)
+    return starts
+
+
+def _scaled(part: Process, points: CurvePoints) -> Process:
+    """Give a part an amplitude below the curve, whatever its start value."""
+    if not FREE[part.kind]:
+        return part
+    name = FREE[part.kind][0]
+    unit = replace(part, **{name: 1.0})  # type: ignore[type-var]
+    shape = np.maximum(unit.allan_variance(points.tau), 1e-300)
+    amplitude = math.sqrt(0.5 * float(np.min(points.variance / shape)))
+    return replace(unit, **{name: amplitude})  # type: ignore[type-var]
+
+
+def _discrepancy(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> float:
+    """Relative sd to grant to every wavelet variance so that the misfit is as expected."""
+    if _fits(fit, curves, granted):
+        return granted
+    low, high = 1e-5, 3.0
+    for _ in range(12):
+        middle = math.sqrt(low * high)
+        again = fit_moments(fit.parts, curves, middle, steps=1)
+        chi_square, freedom = _misfit(again, curves, middle)
+        low, high = (middle, high) if chi_square > freedom else (low, middle)
+    return math.sqrt(low * high)

@@ -1,0 +1,165 @@
+"""What the generalised method of wavelet moments found, and what a reader should know of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from schuler.curves.wavelet_variance import WaveletVarianceCurve
+from schuler.estimation.gmwm.moments import MomentFit
+from schuler.estimation.gmwm.scatter import pooled_points
+from schuler.estimation.identification import FitDiagnostics, Identification
+from schuler.estimation.record import judge_record
+from schuler.estimation.slopes import slope_method
+from schuler.noise import GaussMarkov, ProcessSum
+
+_HEAVY_TAILS = 1.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GmwmIdentification(Identification):
+    """What the generalised method of wavelet moments found.
+
+    Parameters
+    ----------
+    wavelet : WaveletVarianceCurve
+        The curve that was fitted (the longest record's where several were pooled).
+    p_value : float
+        Of the J test: probability of a larger misfit if the model is true.
+    wvic : float
+        Wavelet variance information criterion; smaller is better among models of one curve.
+    flags : tuple of str
+        What a reader should know, in plain words; empty when all is well.
+
+    Notes
+    -----
+    All else as in `Identification`.
+    """
+
+    wavelet: WaveletVarianceCurve
+    p_value: float
+    wvic: float
+    flags: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain Python for JSON, in SI."""
+        return {
+            **Identification.to_dict(self),
+            "method": "gmwm",
+            "wavelet_variance": self.wavelet.to_dict(),
+            "p_value": self.p_value,
+            "wvic": self.wvic,
+            "converged": self.diagnostics.converged,
+            "flags": list(self.flags),
+        }
+
+
+def describe_fit(
+    fit: MomentFit,
+    curves: Sequence[WaveletVarianceCurve],
+    granted: float,
+    candidates: Mapping[str, float],
+    tails: float,
+) -> GmwmIdentification:
+    """Turn a fit into a result with errors, intervals, limits and flags.
+
+    Parameters
+    ----------
+    fit : MomentFit
+        The fit.
+    curves : sequence of WaveletVarianceCurve
+        What was fitted.
+    granted : float
+        Relative standard deviation that was granted to every wavelet variance.
+    candidates : mapping of str to float
+        Criterion of the structures that were compared.
+    tails : float
+        Variance at the finest scale over its robust value; 1 if unknown.
+
+    Returns
+    -------
+    GmwmIdentification
+        In the unit of the signal.
+    """
+    from scipy.special import chdtrc
+
+    process = fit.process
+    errors: dict[str, float] = {}
+    intervals: dict[str, tuple[float, float]] = {}
+    limits: dict[str, float] = {}
+    for j, (k, name) in enumerate(fit.names):
+        key = f"{process.names[k]}.{name}"
+        value = abs(float(getattr(fit.parts[k], name)))
+        spread = min(math.sqrt(float(fit.log_covariance[j, j])), 50.0)
+        errors[key] = min(value * spread, 1e3 * value)
+        intervals[key] = (value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread))
+        if spread > 2.0:
+            limits[key] = value * math.exp(min(1.645 * spread, 20.0))
+    longest = max(curves, key=lambda c: c.samples)
+    points = pooled_points(curves)
+    shown = longest.allan
+    p_value = float(chdtrc(max(fit.degrees_of_freedom, 1), fit.chi_square))
+    model = process.wavelet_variance(points.tau)
+    return GmwmIdentification(
+        process=process,
+        standard_errors=errors,
+        intervals=intervals,
+        limits=limits,
+        curve=shown,
+        diagnostics=FitDiagnostics(
+            chi_square=fit.chi_square,
+            degrees_of_freedom=fit.degrees_of_freedom,
+            discrepancy=0.5 * granted,
+            tau=points.tau,
+            residuals=0.5 * np.log(0.5 * points.variance / model),
+            candidates=candidates,
+            converged=fit.converged,
+        ),
+        slopes=slope_method(shown),
+        verdict=judge_record(process, errors, math.fsum(c.duration for c in curves)),
+        wavelet=longest,
+        p_value=p_value,
+        wvic=fit.wvic,
+        flags=_flags(fit, process, longest, granted, tails),
+    )
+
+
+def _flags(
+    fit: MomentFit,
+    process: ProcessSum,
+    curve: WaveletVarianceCurve,
+    granted: float,
+    tails: float,
+) -> tuple[str, ...]:
+    flags = []
+    if not fit.converged:
+        flags.append("the fit did not converge")
+    if granted > 0.0:
+        flags.append(
+            f"no sum of these processes fits better than {50.0 * granted:.1f} % in deviation: "
+            "errors were widened to match"
+        )
+    if tails > _HEAVY_TAILS:
+        flags.append(
+            f"heavy tails or outliers: the finest scale holds {tails:.3g} times its robust "
+            "variance; robust=True holds them back"
+        )
+    times = [p.correlation_time for p in process.parts if isinstance(p, GaussMarkov)]
+    flags += [
+        f"a correlation time of {t:.3g} s cannot be told from a random walk in "
+        f"{curve.duration:.3g} s"
+        for t in times
+        if t > 0.5 * curve.duration
+    ]
+    flags += [
+        f"a correlation time of {t:.3g} s stands at the shortest scale: it may be shorter"
+        for t in times
+        if t <= 1.001 * curve.scale[0]
+    ]
+    if curve.robust == "samples" and curve.outliers > 0.1:
+        flags.append(f"{100.0 * curve.outliers:.0f} % of the samples were held back as outliers")
+    return tuple(flags)

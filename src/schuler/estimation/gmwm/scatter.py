@@ -1,0 +1,154 @@
+"""How estimated wavelet variances scatter, and how they are averaged over records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from schuler.curves.confidence import allan_covariance
+from schuler.curves.wavelet_variance import WaveletVarianceCurve, robust_inflation
+from schuler.estimation.curve_fit import CurvePoints, Scatter
+from schuler.noise import Process, ProcessSum, WhiteNoise
+from schuler.types import FloatArray
+
+_LOADING = 1e-3
+_QUIET = ("rate_ramp", "turn_on_bias", "sinusoid")
+
+
+def relative_covariance(process: Process, curve: WaveletVarianceCurve) -> FloatArray:
+    """Covariance of an estimated wavelet variance over the product of its expectations.
+
+    Parameters
+    ----------
+    process : Process
+        What the signal is. Ramps, constants and sinusoids do not scatter.
+    curve : WaveletVarianceCurve
+        For scales, length and how outliers were held back.
+
+    Returns
+    -------
+    (t, t) ndarray
+        From Gaussian fourth moments (`allan_covariance`); for robust curves with the scatter of
+        the M-estimate.
+    """
+    random = tuple(p for p in process.components if p.kind not in _QUIET)
+    noise: Process = ProcessSum(random) if random else WhiteNoise(1.0)
+    dt, factors = 1.0 / curve.rate, curve.factors
+    if curve.robust == "samples":
+        added = WhiteNoise(math.sqrt(max(curve.excess_variance, 0.0) * dt))
+        full = noise + added
+        relative = allan_covariance(full, factors, curve.samples, dt)
+        share = full.wavelet_variance(curve.scale) / process.wavelet_variance(curve.scale)
+        relative *= np.outer(share, share)
+        # the sample variance of the drawn signal is replaced by the M-estimate
+        white = curve.core_variance + curve.excess_variance
+        own = curve.core_error**2 - 2.0 * white**2 / curve.samples
+        filters = 0.5 / factors / process.wavelet_variance(curve.scale)
+        relative += own * np.outer(filters, filters)
+        _keep_positive(relative)
+    else:
+        relative = allan_covariance(noise, factors, curve.samples, dt)
+        if curve.robust == "coefficients":
+            stretch = np.sqrt(robust_inflation(factors, curve.efficiency))
+            relative *= np.outer(stretch, stretch)
+    relative += np.diag(_LOADING * np.diag(relative))
+    return relative
+
+
+def _keep_positive(matrix: FloatArray) -> None:
+    """Lift eigenvalues of the correlation matrix that came out at or below zero, in place."""
+    diagonal = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(diagonal, diagonal))
+    if values[0] < 1e-6:
+        lifted = (vectors * np.maximum(values, 1e-6)) @ vectors.T
+        matrix[:] = lifted * np.outer(diagonal, diagonal)
+
+
+def misfit(variance: FloatArray, model: FloatArray, relative: FloatArray) -> float:
+    """Whitened misfit of a wavelet variance, cube roots taken.
+
+    The cube root of a chi-square is nearly normal (Wilson and Hilferty) where the chi-square of
+    the few degrees of freedom at long scales is not.
+
+    Parameters
+    ----------
+    variance : (t,) ndarray
+        Estimate.
+    model : (t,) ndarray
+        Expectation.
+    relative : (t, t) ndarray
+        Covariance of the estimate over products of the expectations.
+
+    Returns
+    -------
+    float
+        Chi-square with t degrees of freedom if the model is true.
+    """
+    root = 3.0 * (np.cbrt(variance / model) - 1.0 + np.diag(relative) / 9.0)
+    return float(root @ np.linalg.solve(relative, root))
+
+
+def pooled_points(curves: Sequence[WaveletVarianceCurve]) -> CurvePoints:
+    """Average curves of one sensor, each by the number of its coefficients.
+
+    Parameters
+    ----------
+    curves : sequence of WaveletVarianceCurve
+        At one rate.
+
+    Returns
+    -------
+    CurvePoints
+        Allan variances (twice the wavelet variances) at the scales that all curves have.
+    """
+    shared = curves[0].factors
+    for curve in curves[1:]:
+        shared = np.intersect1d(shared, curve.factors)
+    rows = [np.searchsorted(c.factors, shared) for c in curves]
+    weight = np.array([c.samples + 1 - 2 * shared for c in curves], dtype=np.float64)
+    weight /= weight.sum(axis=0)
+    variance = np.array([c.variance[r] for c, r in zip(curves, rows, strict=True)])
+    freedom = np.array([c.degrees_of_freedom[r] for c, r in zip(curves, rows, strict=True)])
+    return CurvePoints(
+        tau=shared / curves[0].rate,
+        variance=2.0 * np.sum(weight * variance, axis=0),
+        factors=shared,
+        samples=max(c.samples for c in curves),
+        dt=1.0 / curves[0].rate,
+        degrees_of_freedom=np.sum(freedom, axis=0),
+    )
+
+
+def pooled_scatter(
+    process: Process, curves: Sequence[WaveletVarianceCurve], points: CurvePoints
+) -> Scatter:
+    """Scatter of the logarithms of averaged curves, for the choice of the structure.
+
+    Parameters
+    ----------
+    process : Process
+        As far as it is known.
+    curves : sequence of WaveletVarianceCurve
+        The curves.
+    points : CurvePoints
+        Their average.
+
+    Returns
+    -------
+    Scatter
+        With the log-chi-square moments.
+    """
+    from scipy.special import digamma, polygamma
+
+    total = math.fsum(c.samples for c in curves)
+    relative = np.zeros((points.tau.size, points.tau.size))
+    for curve in curves:
+        rows = np.searchsorted(curve.factors, points.factors)
+        share = curve.samples / total
+        relative += share**2 * relative_covariance(process, curve)[np.ix_(rows, rows)]
+    half = 1.0 / np.diag(relative)
+    stretch = np.sqrt(polygamma(1, half) * half)
+    sampling = relative * np.outer(stretch, stretch)
+    return Scatter.of(sampling, np.asarray(digamma(half) - np.log(half)))

@@ -1,0 +1,120 @@
+"""What an identification is: a process with errors, misfit and a verdict on the record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from schuler.curves.allan import AllanCurve
+from schuler.estimation.record import RecordVerdict
+from schuler.estimation.slopes import SlopeReadings
+from schuler.noise import ProcessSum
+from schuler.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitDiagnostics:
+    """How well the model describes the curve.
+
+    Parameters
+    ----------
+    chi_square : float
+        Misfit, points being correlated as the model says.
+    degrees_of_freedom : int
+        Points less parameters.
+    discrepancy : float
+        Relative standard deviation (of the Allan deviation) that had to be granted to every
+        point because no sum of these processes fits better; 0 when the misfit is pure chance.
+    tau : (t,) ndarray
+        Cluster times of the fit in s.
+    residuals : (t,) ndarray
+        ln(measured/model) of the deviation.
+    candidates : mapping of str to float
+        Criterion (smaller is better) of the structures that were compared.
+    converged : bool
+        The fit ended by itself.
+    """
+
+    chi_square: float
+    degrees_of_freedom: int
+    discrepancy: float
+    tau: FloatArray
+    residuals: FloatArray
+    candidates: Mapping[str, float]
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """The processes a signal is made of.
+
+    Parameters
+    ----------
+    process : ProcessSum
+        In the unit of the signal.
+    standard_errors : dict of str to float
+        By parameter, e.g. "gauss_markov.sigma".
+    intervals : dict of str to (float, float)
+        95 % intervals, symmetric in the logarithm.
+    limits : dict of str to float
+        95 % upper limits of terms that were not found.
+    curve : AllanCurve
+        The curve that was fitted.
+    diagnostics : FitDiagnostics
+        Misfit.
+    slopes : SlopeReadings
+        What the slope method reads off the same curve, for comparison.
+    verdict : RecordVerdict
+        Record length against need.
+    flags : tuple of str
+        What to know before use, in plain words; empty if nothing.
+    """
+
+    process: ProcessSum
+    standard_errors: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    limits: dict[str, float]
+    curve: AllanCurve
+    diagnostics: FitDiagnostics
+    slopes: SlopeReadings
+    verdict: RecordVerdict
+    flags: tuple[str, ...] = field(default=(), kw_only=True)
+
+    @property
+    def method(self) -> str:
+        """Name of the method, as `identify` takes it."""
+        return "allan"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Fitted values by parameter, SI."""
+        values = self.process.parameters
+        return {key: values[key] for key in self.standard_errors}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the curve as plain Python for JSON, in SI."""
+        return {
+            "processes": [
+                {"kind": part.kind, "name": name, **part.parameters}
+                for name, part in zip(self.process.names, self.process.parts, strict=True)
+            ],
+            "parameters": {
+                key: {
+                    "value": value,
+                    "standard_error": self.standard_errors[key],
+                    "interval_95": list(self.intervals[key]),
+                }
+                for key, value in self.parameters.items()
+            },
+            "upper_limits_95": dict(self.limits),
+            "misfit": {
+                "chi_square": self.diagnostics.chi_square,
+                "degrees_of_freedom": self.diagnostics.degrees_of_freedom,
+                "discrepancy": self.diagnostics.discrepancy,
+                "candidates": dict(self.diagnostics.candidates),
+            },
+            "slope_method": self.slopes.to_dict(),
+            "record": self.verdict.to_dict(),
+            **({"flags": list(self.flags)} if self.flags else {}),
+        }

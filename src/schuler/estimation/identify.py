@@ -1,0 +1,181 @@
+"""One door to every way of finding the processes in a signal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal, overload
+
+from numpy.typing import ArrayLike
+
+from schuler.errors import InputError
+from schuler.estimation import series_methods, structure_methods
+from schuler.estimation.identification import Identification
+from schuler.estimation.joint_fit import identify as identify_allan
+from schuler.estimation.result import MethodIdentification
+from schuler.estimation.signals import checked_signal, outlier_flag
+from schuler.noise import Process
+from schuler.types import FloatArray
+
+Method = Literal[
+    "allan",
+    "slope",
+    "psd",
+    "autocorrelation",
+    "gmwm",
+    "gmwm-robust",
+    "ml",
+    "ar",
+    "ar-covariance",
+    "ar-yule-walker",
+    "arma",
+    "fos",
+    "garch",
+]
+Order = int | tuple[int, int] | None
+
+METHODS: dict[str, str] = {
+    "allan": "joint fit of the Allan deviation",
+    "slope": "lines of fixed slope on the Allan deviation",
+    "psd": "joint fit of the power spectral density",
+    "autocorrelation": "white + one Gauss-Markov noise from the autocorrelation",
+    "gmwm": "generalised method of wavelet moments",
+    "gmwm-robust": "the same, outliers held back",
+    "ml": "maximum likelihood through the state space",
+    "ar": "autoregressive, Burg",
+    "ar-covariance": "autoregressive, least squares",
+    "ar-yule-walker": "autoregressive, Yule-Walker",
+    "arma": "ARMA, exact maximum likelihood",
+    "fos": "Fast Orthogonal Search",
+    "garch": "AR, then GARCH for a variance that changes",
+}
+"""Every method, in words; the order is that of tables and reports."""
+
+STRUCTURAL = ("allan", "slope", "psd", "autocorrelation", "gmwm", "gmwm-robust", "ml")
+"""Methods whose answer is a sum of processes: their parameters mean the same."""
+
+_SHORTEST_RECORD = 100
+
+
+@overload
+def identify(
+    signal: ArrayLike,
+    rate: float,
+    model: Literal["auto", "classical"] | Process = ...,
+    method: Literal["allan"] = ...,
+    *,
+    order: Order = ...,
+    shortest: float | None = ...,
+) -> Identification: ...
+@overload
+def identify(
+    signal: ArrayLike,
+    rate: float,
+    model: Literal["auto", "classical"] | Process = ...,
+    *,
+    method: str,
+    order: Order = ...,
+    shortest: float | None = ...,
+) -> Identification | MethodIdentification: ...
+@overload
+def identify(
+    signal: ArrayLike,
+    rate: float,
+    model: Literal["auto", "classical"] | Process,
+    method: str,
+    *,
+    order: Order = ...,
+    shortest: float | None = ...,
+) -> Identification | MethodIdentification: ...
+def identify(
+    signal: ArrayLike,
+    rate: float,
+    model: Literal["auto", "classical"] | Process = "auto",
+    method: str = "allan",
+    *,
+    order: Order = None,
+    shortest: float | None = None,
+) -> Identification | MethodIdentification:
+    """Find the processes that a signal is made of, with standard errors, by the method named.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at rest, in rad/s or m/s² (or any unit; the result is in the same).
+    rate : float
+        Samples a second.
+    model : {"auto", "classical"} or Process
+        "auto" lets the method choose the structure; "classical" is white noise + bias
+        instability + random walk, as datasheets have it; a process (sum) fixes the structure, an
+        `Autoregressive` or `ARMA` process the orders.
+    method : str
+        One of `METHODS`: "allan", "slope", "psd", "autocorrelation", "gmwm", "gmwm-robust", "ml"
+        find sums of processes; "ar" (Burg), "ar-covariance", "ar-yule-walker", "arma", "fos" and
+        "garch" find predictors of the samples.
+    order : int or (int, int), optional
+        Fixes the order: p for AR; (p, q) for ARMA; squares and variances for GARCH; longest lag
+        and degree for FOS. Without it orders are chosen by BIC (FOS: lags up to 10, degree 1).
+    shortest : float, optional
+        "psd" and "ml" leave faster times (s) than this out of the fit, where a sensor's own
+        low-pass filter correlates neighbouring samples; the methods of the Allan and wavelet
+        variance find out by themselves.
+
+    Returns
+    -------
+    Identification or MethodIdentification
+        The first for "allan". Both have `.method`, `.process`, `.parameters`,
+        `.standard_errors`, `.diagnostics` and `.to_dict()`; see
+        `schuler.estimation.result.MethodResult`.
+
+    Raises
+    ------
+    InputError
+        An unknown method, a model or an order that does not suit it, a signal that is not
+        one-dimensional or not finite, an impossible rate.
+    EstimationError
+        Fewer than 100 samples, a signal that does not vary, or nothing of what the method looks
+        for.
+
+    Notes
+    -----
+    Design 8; spec 2 to 5. A result may be flagged; read `.flags` before use.
+    """
+    if method not in METHODS:
+        raise InputError(f"method '{method}'", expected=", ".join(METHODS))
+    if order is not None and method in STRUCTURAL:
+        raise InputError(
+            f"an order for method '{method}'", expected="none", cure="give a process as model"
+        )
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
+    if not isinstance(model, Process) and model not in ("auto", "classical"):
+        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
+    if shortest is not None and not 0.0 < shortest < math.inf:
+        raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
+    values = checked_signal(signal, _SHORTEST_RECORD)
+    if method == "allan":
+        found = identify_allan(values, rate, model)
+        outlier = outlier_flag(values - values.mean())
+        return replace(found, flags=(outlier,)) if outlier else found
+    if method in STRUCTURAL:
+        return _STRUCTURE[method](values, float(rate), model, shortest)
+    return _SERIES[method](values, float(rate), model, order)
+
+
+_STRUCTURE: dict[str, Callable[[FloatArray, float, Any, float | None], MethodIdentification]] = {
+    "slope": structure_methods.by_slopes,
+    "psd": structure_methods.by_spectrum,
+    "autocorrelation": structure_methods.by_autocorrelation,
+    "gmwm": structure_methods.by_wavelet_moments,
+    "gmwm-robust": structure_methods.by_robust_wavelet_moments,
+    "ml": structure_methods.by_likelihood,
+}
+_SERIES: dict[str, Callable[[FloatArray, float, Any, Order], MethodIdentification]] = {
+    "ar": series_methods.by_burg,
+    "ar-covariance": series_methods.by_covariance,
+    "ar-yule-walker": series_methods.by_yule_walker,
+    "arma": series_methods.by_arma,
+    "fos": series_methods.by_orthogonal_search,
+    "garch": series_methods.by_garch,
+}

@@ -1,0 +1,194 @@
+"""Training, evaluation and prediction of a Fast Orthogonal Search on three parts of a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.errors import InputError
+from schuler.estimation.innovation_floor import (
+    check_prediction_floor,
+    innovation_variance_of_signal,
+)
+from schuler.estimation.orthogonal_search.result import FosFit
+from schuler.estimation.orthogonal_search.search import Stopping, fast_orthogonal_search
+
+__all__ = ["EvaluatedSearch", "OrthogonalSearchProtocol", "search_by_protocol"]
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluatedSearch:
+    """One setting of the search on the evaluation data.
+
+    Parameters
+    ----------
+    max_lag, degree : int
+        Setting.
+    terms : int
+        Terms found in training.
+    mean_square_error : float
+        One-step error on the evaluation data, in u².
+    """
+
+    max_lag: int
+    degree: int
+    terms: int
+    mean_square_error: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrthogonalSearchProtocol:
+    """The chosen model and its error on data that nothing was chosen by.
+
+    Parameters
+    ----------
+    fit : FosFit
+        Trained on the first part; its held-out error is that of the prediction part.
+    max_lag, degree : int
+        Setting that did best on the evaluation part.
+    evaluated : tuple of EvaluatedSearch
+        All settings.
+    horizons : tuple of int
+        Steps ahead.
+    mean_square_error : tuple of float
+        On the prediction part at every horizon, in u².
+    innovation_variance : float
+        Floor of the prediction part, in u².
+    """
+
+    fit: FosFit
+    max_lag: int
+    degree: int
+    evaluated: tuple[EvaluatedSearch, ...]
+    horizons: tuple[int, ...]
+    mean_square_error: tuple[float, ...]
+    innovation_variance: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON."""
+        return {
+            "fit": self.fit.to_dict(),
+            "max_lag": self.max_lag,
+            "degree": self.degree,
+            "evaluated": [
+                {
+                    "max_lag": e.max_lag,
+                    "degree": e.degree,
+                    "terms": e.terms,
+                    "mean_square_error": e.mean_square_error,
+                }
+                for e in self.evaluated
+            ],
+            "horizons": list(self.horizons),
+            "mean_square_error": list(self.mean_square_error),
+            "innovation_variance": self.innovation_variance,
+        }
+
+
+def search_by_protocol(
+    signal: ArrayLike,
+    training: int,
+    evaluation: int,
+    *,
+    max_lags: Sequence[int] = (1, 2, 5, 10),
+    degrees: Sequence[int] = (1, 2),
+    max_terms: int | None = None,
+    stopping: Stopping | None = "family-wise",
+    horizons: Sequence[int] = (1, 10, 100, 1000),
+) -> OrthogonalSearchProtocol:
+    """Train on the first part, choose lags and degree on the second, predict the rest.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        In u.
+    training, evaluation : int
+        Samples of the first two parts (the paper: 3 min each).
+    max_lags, degrees : sequence of int
+        Settings tried.
+    max_terms, stopping
+        As in `fast_orthogonal_search`.
+    horizons : sequence of int
+        Steps ahead in the prediction part.
+
+    Returns
+    -------
+    OrthogonalSearchProtocol
+        Model, evaluation of all settings, errors on the last part.
+
+    Raises
+    ------
+    InputError
+        Parts that the record does not hold.
+    EstimationError
+        A one-step error below 0.9 of the innovation variance of the last part.
+
+    Notes
+    -----
+    Spec 4.5. Where settings tie within chance the first (simplest) is kept: a later one must
+    lower the evaluation error by two standard errors of the paired difference.
+    """
+    data = np.asarray(signal, dtype=np.float64)
+    if data.ndim != 1 or min(training, evaluation) < 1 or data.size < training + evaluation + 2048:
+        raise InputError(
+            f"a record of {data.size} samples in parts of {training}, {evaluation} and the rest",
+            expected="a rest of at least 2048 samples",
+        )
+    first, second = data[:training], data[training : training + evaluation]
+    rest = data[training + evaluation :]
+    table: list[EvaluatedSearch] = []
+    best: tuple[FosFit, EvaluatedSearch, np.ndarray] | None = None
+    start = max(max_lags)
+    for degree in sorted(degrees):
+        for lag in sorted(max_lags):
+            fit = fast_orthogonal_search(first, lag, degree, max_terms, stopping=stopping)
+            squares = fit.residuals(second)[start - fit.memory :] ** 2
+            entry = EvaluatedSearch(lag, degree, len(fit.terms), float(squares.mean()))
+            table.append(entry)
+            if best is None or _clearly_less(squares, best[2]):
+                best = (fit, entry, squares)
+    if best is None:
+        raise InputError("no lags or degrees to try", expected="at least one of each")
+    return _predicted(best[0], best[1], tuple(table), first, rest, tuple(horizons))
+
+
+def _clearly_less(new: np.ndarray, old: np.ndarray) -> bool:
+    gain = old - new
+    return bool(gain.mean() > 2.0 * gain.std() / np.sqrt(gain.size))
+
+
+def _predicted(
+    fit: FosFit,
+    entry: EvaluatedSearch,
+    table: tuple[EvaluatedSearch, ...],
+    training: np.ndarray,
+    rest: np.ndarray,
+    horizons: tuple[int, ...],
+) -> OrthogonalSearchProtocol:
+    from dataclasses import replace
+
+    residuals = fit.residuals(rest)
+    held_out = float(residuals @ residuals) / residuals.size
+    floor = innovation_variance_of_signal(rest)
+    check_prediction_floor(held_out, floor, samples=residuals.size, what="orthogonal search")
+    longest = max(horizons)
+    origins = np.linspace(
+        max(fit.memory - 1, 0), rest.size - 1 - longest, min(4000, rest.size - longest), dtype=int
+    )
+    foreseen = fit.predict(rest, horizons, origins=origins)
+    measured = rest[origins[:, None] + np.array(horizons)]
+    errors = np.mean((measured - foreseen) ** 2, axis=0)
+    final = replace(fit, held_out_mean_square_error=held_out)
+    return OrthogonalSearchProtocol(
+        final,
+        entry.max_lag,
+        entry.degree,
+        table,
+        horizons,
+        tuple(float(e) for e in errors),
+        floor,
+    )

@@ -1,0 +1,232 @@
+"""What is left when a model has predicted every sample, and whether that is white noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.errors import EstimationError, InputError
+from schuler.estimation.residuals.tests import (
+    ResidualTests,
+    residual_tests,
+    robust_autocorrelation_band,
+)
+from schuler.noise import Process
+from schuler.types import FloatArray
+
+LAGS = 40
+_QUANTILES = 199
+_LEVEL = 1e-3
+_NOTABLE = 0.02
+_FAT = 1.1
+_FEWEST = 200
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResidualDiagnostics:
+    """One-step prediction errors of a model on its own signal, and the tests of them.
+
+    Parameters
+    ----------
+    samples : int
+        Residuals that were looked at.
+    variance : float
+        Their mean square in the unit of the signal squared.
+    expected_variance : float or None
+        What the model says it should be.
+    correlation : (k,) ndarray
+        Autocorrelation at lags 1 .. k samples.
+    band, robust_band : (k,) ndarray
+        Half width of the 95 % band of white residuals, their variance being constant or not.
+    quantiles : (q,) ndarray
+        Of the residuals over their standard deviation.
+    normal_quantiles : (q,) ndarray
+        Of Gaussian noise, for comparison.
+    kurtosis : float
+        Fourth moment over the squared second; 3 for Gaussian noise.
+    tests : ResidualTests or None
+        Ljung-Box plain and robust, squares, ARCH-LM, Jarque-Bera; None if they cannot be made.
+    block : int
+        Means of so many samples were predicted, because the model leaves out what is faster.
+    """
+
+    samples: int
+    variance: float
+    expected_variance: float | None
+    correlation: FloatArray
+    band: FloatArray
+    robust_band: FloatArray
+    quantiles: FloatArray
+    normal_quantiles: FloatArray
+    kurtosis: float
+    tests: ResidualTests | None
+    block: int = 1
+
+    @property
+    def white(self) -> bool:
+        """True where no correlation is left, at the 0.1 % level, whatever the variance does."""
+        return self.tests is not None and self.tests.ljung_box_robust.p_value >= _LEVEL
+
+    @property
+    def largest_correlation(self) -> tuple[int, float]:
+        """Lag in samples and value of the largest autocorrelation."""
+        k = int(np.argmax(np.abs(self.correlation)))
+        return k + 1, float(self.correlation[k])
+
+    @property
+    def constant_variance(self) -> bool:
+        """True where past squares do not foretell the present one, at the 0.1 % level."""
+        return self.tests is not None and self.tests.arch_lm.p_value >= _LEVEL
+
+    @property
+    def gaussian(self) -> bool:
+        """True where skewness and kurtosis are those of Gaussian noise, at the 0.1 % level."""
+        return self.tests is not None and self.tests.jarque_bera.p_value >= _LEVEL
+
+    @property
+    def verdict(self) -> str:
+        """The same in a few words, with the size of what is left and not its significance alone.
+
+        A million samples make the smallest blemish significant.
+        """
+        words = []
+        lag, value = self.largest_correlation
+        if self.white:
+            words.append("white")
+        else:
+            slight = "nearly white" if abs(value) < _NOTABLE else "correlated"
+            words.append(f"{slight}: up to {value:+.3f} at lag {lag}")
+        if not self.constant_variance:
+            words.append("variance changes")
+        if not self.gaussian and abs(self.kurtosis / 3.0 - 1.0) > _FAT - 1.0:
+            shape = "heavy tails" if self.kurtosis > 3.0 else "short tails"
+            words.append(f"{shape}: kurtosis {self.kurtosis:.3g}")
+        return "; ".join(words)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON, SI."""
+        return {
+            "samples": self.samples,
+            "block": self.block,
+            "variance": self.variance,
+            "expected_variance": self.expected_variance,
+            "correlation": self.correlation.tolist(),
+            "robust_band_95": self.robust_band.tolist(),
+            "kurtosis": self.kurtosis,
+            "tests": None if self.tests is None else self.tests.to_dict(),
+            "white": self.white,
+            "constant_variance": self.constant_variance,
+            "gaussian": self.gaussian,
+            "verdict": self.verdict,
+        }
+
+
+def diagnose_residuals(
+    residuals: ArrayLike,
+    *,
+    fitted_parameters: int = 0,
+    expected_variance: float | None = None,
+    variance: float | None = None,
+    block: int = 1,
+) -> ResidualDiagnostics | None:
+    """Look at the one-step prediction errors of a model.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        In any unit.
+    fitted_parameters : int
+        Coefficients for correlation that were fitted to the same data.
+    expected_variance : float, optional
+        What the model says.
+    variance : float, optional
+        Mean square in the unit of the signal, where the residuals are standardised.
+    block : int
+        Samples in a mean, where means were predicted.
+
+    Returns
+    -------
+    ResidualDiagnostics or None
+        None where there are fewer than 200 residuals, or they do not vary.
+    """
+    from scipy.special import ndtri
+
+    values = np.asarray(residuals, dtype=np.float64)
+    if values.size < _FEWEST or not np.isfinite(values).all():
+        return None
+    largest = float(np.abs(values).max())
+    if largest == 0.0:
+        return None
+    unit = values / largest
+    mean_square = float(unit @ unit) / unit.size
+    lags = min(LAGS, values.size // 5)
+    try:
+        robust = robust_autocorrelation_band(values, lags, z=1.959964)
+    except (EstimationError, InputError):
+        return None
+    centred = unit - unit.mean()
+    products = [float(np.dot(centred[k:], centred[: unit.size - k])) for k in range(lags + 1)]
+    share = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+    squares = centred * centred
+    second = products[0] / unit.size
+    return ResidualDiagnostics(
+        samples=values.size,
+        variance=mean_square * largest**2 if variance is None else variance,
+        expected_variance=expected_variance,
+        correlation=np.array(products[1:]) / products[0],
+        band=np.full(lags, 1.959964 / math.sqrt(values.size)),
+        robust_band=robust,
+        quantiles=np.quantile(centred, share) / math.sqrt(second),
+        normal_quantiles=np.asarray(ndtri(share)),
+        kurtosis=float(squares @ squares) / unit.size / second**2,
+        tests=residual_tests(values, fitted_parameters=fitted_parameters),
+        block=block,
+    )
+
+
+def process_residuals(signal: ArrayLike, process: Process, rate: float) -> FloatArray:
+    """One-step prediction errors of the Kalman filter that a process makes optimal.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        In u; its mean is taken off.
+    process : Process
+        In u.
+    rate : float
+        Samples a second.
+
+    Returns
+    -------
+    (n - w,) ndarray
+        In u, without the first w samples (a hundredth, at most 1000), in which the filter settles.
+
+    Notes
+    -----
+    States without a start variance (random walks) begin with that of the signal, because its
+    level at the start is not known.
+    """
+    from schuler.kernels.prediction import kalman_states
+
+    values = np.asarray(signal, dtype=np.float64)
+    values = values - values.mean()
+    # a power of two changes no digit, and squares of 1e-200 would vanish
+    scale = 2.0 ** round(math.log2(max(float(np.abs(values).max()), 1e-300)))
+    values /= scale
+    dt = 1.0 / rate
+    space = process.state_space(dt)
+    if space.size == 0:
+        return np.asarray(values * scale)
+    start = space.initial_covariance / scale**2
+    start = start + np.diag(np.where(np.diag(start) == 0.0, float(values.var()), 0.0))
+    states = np.zeros((values.size, space.size))
+    white = space.white_density**2 / dt / scale**2
+    noise = space.noise_covariance / scale**2
+    kalman_states(values, space.transition, noise, space.output, white, start, states)
+    ahead = states[:-1] @ (space.transition.T @ space.output)
+    settling = min(values.size // 100, 1000)
+    return np.asarray((values[1:] - ahead)[settling:] * scale)

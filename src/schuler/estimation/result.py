@@ -1,0 +1,147 @@
+"""What every way of identification answers: a process, its numbers, their errors, what is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from schuler.errors import ModelError
+from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
+from schuler.noise import Process
+
+
+@runtime_checkable
+class MethodResult(Protocol):
+    """What can be asked of any result of `identify`."""
+
+    @property
+    def method(self) -> str:
+        """Name of the method, as `identify` takes it."""
+        ...
+
+    @property
+    def process(self) -> Process | None:
+        """Process of the signal; None where the method has none."""
+        ...
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Estimates by name, SI."""
+        ...
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors by the same names, for those that have one."""
+        ...
+
+    @property
+    def diagnostics(self) -> Any:
+        """How well the model describes the signal."""
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON, SI."""
+        ...
+
+
+class Fit(Protocol):
+    """A result of an estimator in full."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON, SI."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MethodIdentification:
+    """The result of any estimator in the words that all of them share.
+
+    Parameters
+    ----------
+    method : str
+        As `identify` was asked.
+    process : Process or None
+        In the unit of the signal.
+    no_process : str
+        Why there is none; empty where there is one.
+    parameters : dict of str to float
+        Estimates, SI.
+    standard_errors : dict of str to float
+        By the same names.
+    limits : dict of str to float
+        95 % upper limits of terms that were looked for and not found, where the method has them.
+    diagnostics : ResidualDiagnostics or None
+        What is left when the model has predicted every sample; None where it cannot predict.
+    converged : bool
+        The estimator ended at its optimum (always true for those that do not iterate).
+    flags : tuple of str
+        What to know before use, in plain words; empty if nothing.
+    fit : Fit
+        The estimator's own result, with all that is not common.
+    """
+
+    method: str
+    process: Process | None
+    no_process: str
+    parameters: dict[str, float]
+    standard_errors: dict[str, float]
+    limits: dict[str, float]
+    diagnostics: ResidualDiagnostics | None
+    converged: bool
+    flags: tuple[str, ...]
+    fit: Fit
+
+    def require_process(self) -> Process:
+        """Return the process, or say why there is none.
+
+        Returns
+        -------
+        Process
+            In the unit of the signal.
+
+        Raises
+        ------
+        ModelError
+            The method has no process.
+        """
+        if self.process is None:
+            raise ModelError(
+                f"method '{self.method}' gave no process: {self.no_process}",
+                cure="use another method for filters and simulations",
+            )
+        return self.process
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON, SI; the estimator's own result under "fit"."""
+        return {
+            "method": self.method,
+            "processes": process_to_list(self.process),
+            "no_process": self.no_process,
+            "parameters": {
+                key: {"value": value, "standard_error": self.standard_errors.get(key)}
+                for key, value in self.parameters.items()
+            },
+            "upper_limits_95": dict(self.limits),
+            "diagnostics": None if self.diagnostics is None else self.diagnostics.to_dict(),
+            "converged": self.converged,
+            "flags": list(self.flags),
+            "fit": self.fit.to_dict(),
+        }
+
+
+def process_to_list(process: Process | None) -> list[dict[str, Any]]:
+    """Return the parts of a process as plain Python for JSON.
+
+    Parameters
+    ----------
+    process : Process or None
+        Any process.
+
+    Returns
+    -------
+    list of dict
+        Kind and parameters (SI) of every part.
+    """
+    if process is None:
+        return []
+    return [{"kind": part.kind, **part.parameters} for part in process.components]

@@ -1,0 +1,120 @@
+"""The slope method: lines of fixed slope through straight runs of the log-log curve.
+
+The twin of what papers and datasheets do (spec 2.4 a; S004 section 5.4). It reads the crossing
+of white noise and random walk as bias instability; `identify` is the method to use.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.curves.allan import AllanCurve
+from schuler.noise.gauss_markov import FLICKER_LEVEL
+from schuler.types import FloatArray
+
+_TOLERANCE = 0.1
+_REACH = 0.125
+
+
+@dataclass(frozen=True, slots=True)
+class SlopeReading:
+    """One parameter read off a straight run.
+
+    Parameters
+    ----------
+    value : float
+        N, B or K in SI.
+    start, stop : float
+        Cluster times in s between which the run was fitted.
+    relative_error : float
+        1/sqrt(2 (T/tau - 1)) at the right end of the run: S004 (15), which is for clusters that
+        do not overlap.
+    """
+
+    value: float
+    start: float
+    stop: float
+    relative_error: float
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the fields."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class SlopeReadings:
+    """What the slope method finds; None where the curve has no such run.
+
+    Parameters
+    ----------
+    white_noise : SlopeReading or None
+        N, the line of slope -1/2 at 1 s.
+    bias_instability : SlopeReading or None
+        B, the level of the flat run over 0.66428.
+    random_walk : SlopeReading or None
+        K, the line of slope +1/2 at 3 s.
+    """
+
+    white_noise: SlopeReading | None
+    bias_instability: SlopeReading | None
+    random_walk: SlopeReading | None
+
+    def to_dict(self) -> dict[str, dict[str, float] | None]:
+        """Return nested dictionaries for JSON."""
+        named = {
+            "white_noise": self.white_noise,
+            "bias_instability": self.bias_instability,
+            "random_walk": self.random_walk,
+        }
+        return {k: None if v is None else v.to_dict() for k, v in named.items()}
+
+
+def slope_method(curve: AllanCurve) -> SlopeReadings:
+    """Read N, B and K off the curve of one signal.
+
+    Parameters
+    ----------
+    curve : AllanCurve
+        With (t,) arrays.
+
+    Returns
+    -------
+    SlopeReadings
+        From the longest run (in decades) whose local slope, a central difference over a quarter
+        of a decade, is within 0.1 of -1/2, 0 and +1/2.
+    """
+    good = curve.deviation > 0.0
+    tau, deviation = curve.tau[good], curve.deviation[good]
+    if tau.size < 3:
+        return SlopeReadings(None, None, None)
+    x, y = np.log10(tau), np.log10(deviation)
+    inside = (x >= x[0] + _REACH) & (x <= x[-1] - _REACH)
+    slope = np.full(x.size, np.nan)
+    ahead, behind = np.interp(x + _REACH, x, y), np.interp(x - _REACH, x, y)
+    slope[inside] = (ahead - behind)[inside] / (2.0 * _REACH)
+
+    def read(nominal: float, factor: float) -> SlopeReading | None:
+        run = _longest_run(np.abs(np.nan_to_num(slope, nan=9.0) - nominal) <= _TOLERANCE, x)
+        if run is None:
+            return None
+        level = 10.0 ** float(np.mean(y[run] - nominal * x[run]))
+        stop = float(tau[run][-1])
+        clusters = curve.duration / stop
+        error = 1.0 / math.sqrt(2.0 * max(clusters - 1.0, 0.5))
+        return SlopeReading(level * factor, float(tau[run][0]), stop, error)
+
+    return SlopeReadings(
+        white_noise=read(-0.5, 1.0),
+        bias_instability=read(0.0, 1.0 / FLICKER_LEVEL),
+        random_walk=read(0.5, math.sqrt(3.0)),
+    )
+
+
+def _longest_run(mask: NDArray[np.bool_], x: FloatArray) -> slice | None:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    runs = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 2]
+    return max(runs, key=lambda r: x[r.stop - 1] - x[r.start], default=None)

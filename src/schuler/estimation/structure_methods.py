@@ -1,0 +1,285 @@
+"""Methods whose answer is a sum of processes, in the words that all methods share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from schuler.curves.allan import allan_deviation
+from schuler.errors import EstimationError, InputError, SchulerError
+from schuler.estimation.identification import Identification
+from schuler.estimation.residuals.diagnostics import (
+    ResidualDiagnostics,
+    diagnose_residuals,
+    process_residuals,
+)
+from schuler.estimation.result import Fit, MethodIdentification
+from schuler.estimation.signals import outlier_flag
+from schuler.estimation.slopes import SlopeReadings, slope_method
+from schuler.noise import BiasInstability, Process, ProcessSum, RandomWalk, WhiteNoise
+from schuler.types import FloatArray
+
+Model = Any
+
+_SHARED_FLAGS = {
+    "trend": "the signal is a trend rather than noise: remove it, or model a RateRamp",
+    "misfit": "no sum of these processes fits the spectrum: standard errors were widened",
+    "fast part left out": "frequencies above the sensor's own filter were left out of the fit",
+    "not converged": "the fit did not converge",
+    "not exponential": "the correlation is not that of one Gauss-Markov noise: use another method",
+    "record too short": "the record is shorter than 20 correlation times",
+    "at the end of the lags": "the correlation time is as long as the search reached",
+    "white part not resolved": "a white part could not be told from zero",
+}
+
+
+def process_diagnostics(
+    values: FloatArray, process: Process, rate: float, block: int = 1
+) -> ResidualDiagnostics | None:
+    """Look at what the Kalman predictor of a process leaves of a signal.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        In u.
+    process : Process
+        In u.
+    rate : float
+        Samples a second.
+    block : int
+        Means of so many samples are predicted, where the fit left out what is faster.
+
+    Returns
+    -------
+    ResidualDiagnostics or None
+        None where the process has no state space, or too few samples are left.
+    """
+    if block > 1:
+        whole = values.size // block * block
+        values = (values[:whole] - values[0]).reshape(-1, block).mean(axis=1)
+        rate = rate / block
+    try:
+        residuals = process_residuals(values, process, rate)
+    except SchulerError:
+        return None
+    return diagnose_residuals(
+        residuals, expected_variance=_innovation_variance(process, 1.0 / rate), block=block
+    )
+
+
+def _innovation_variance(process: Process, dt: float) -> float | None:
+    try:
+        variance = float(process.innovation_variance(dt))
+    except SchulerError:
+        return None
+    return variance if np.isfinite(variance) else None
+
+
+def _answer(
+    method: str,
+    values: FloatArray,
+    rate: float,
+    process: Process,
+    parameters: dict[str, float],
+    errors: dict[str, float],
+    fit: Fit,
+    *,
+    converged: bool = True,
+    flags: tuple[str, ...] = (),
+    limits: dict[str, float] | None = None,
+    block: int = 1,
+) -> MethodIdentification:
+    words = [_SHARED_FLAGS.get(flag, flag) for flag in flags]
+    outlier = outlier_flag(values - values.mean())
+    if outlier and method != "gmwm-robust":
+        words.append(outlier)
+    return MethodIdentification(
+        method=method,
+        process=process,
+        no_process="",
+        parameters=parameters,
+        standard_errors=errors,
+        limits=dict(limits or {}),
+        diagnostics=process_diagnostics(values, process, rate, block),
+        converged=converged,
+        flags=tuple(words),
+        fit=fit,
+    )
+
+
+def by_slopes(
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+) -> MethodIdentification:
+    """Read N, B and K off straight runs of the Allan deviation (`slope_method`)."""
+    _only_auto(model, "slope")
+    curve = allan_deviation(values, rate)
+    readings = slope_method(curve)
+    parts, parameters, errors = _of_readings(readings, rate, curve.duration)
+    if not parts:
+        raise EstimationError(
+            "the Allan deviation has no straight run of slope -1/2, 0 or +1/2",
+            cure="use method 'allan', which needs none",
+        )
+    flags = (
+        "errors are those of S004 (15), for clusters that do not overlap; where white noise and "
+        "random walk cross, the slope method takes the crossing for bias instability",
+    )
+    return _answer(
+        "slope", values, rate, ProcessSum(parts), parameters, errors, readings, flags=flags
+    )
+
+
+def _of_readings(
+    readings: SlopeReadings, rate: float, duration: float
+) -> tuple[tuple[Process, ...], dict[str, float], dict[str, float]]:
+    parts: list[Process] = []
+    parameters: dict[str, float] = {}
+    errors: dict[str, float] = {}
+    named = (
+        ("white_noise.density", readings.white_noise),
+        ("bias_instability.level", readings.bias_instability),
+        ("random_walk.density", readings.random_walk),
+    )
+    for key, reading in named:
+        if reading is None:
+            continue
+        parameters[key], errors[key] = reading.value, reading.value * reading.relative_error
+        if key.startswith("white"):
+            parts.append(WhiteNoise(reading.value))
+        elif key.startswith("bias"):
+            parts.append(BiasInstability(reading.value, 2.0 / rate, 10.0 * duration))
+        else:
+            parts.append(RandomWalk(reading.value))
+    return tuple(parts), parameters, errors
+
+
+def _only_auto(model: Model, method: str) -> None:
+    if isinstance(model, Process) or model == "classical":
+        raise InputError(
+            f"a model for method '{method}'",
+            expected="'auto'",
+            cure="methods 'allan', 'psd', 'gmwm' and 'ml' fit a model that is given",
+        )
+
+
+def by_spectrum(
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+) -> MethodIdentification:
+    """Fit the power spectral density (`identify_spectrum`)."""
+    from schuler.estimation.spectrum.fit import identify_spectrum
+
+    block = 1 if shortest is None else max(round(shortest * rate), 1)
+    highest = 0.5 * rate / block
+    fit = identify_spectrum(values, rate, model, band=None if block == 1 else (0.0, highest))
+    return _answer(
+        "psd",
+        values,
+        rate,
+        fit.process,
+        fit.parameters,
+        fit.standard_errors,
+        fit,
+        converged=fit.converged,
+        flags=fit.flags,
+        block=block,
+    )
+
+
+def by_autocorrelation(
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+) -> MethodIdentification:
+    """Fit white and one Gauss-Markov noise to the autocorrelation (`fit_gauss_markov`)."""
+    from schuler.curves.autocorrelation import autocorrelation
+    from schuler.estimation.gauss_markov_correlation import fit_gauss_markov
+
+    _only_auto(model, "autocorrelation")
+    fit = fit_gauss_markov(autocorrelation(values, rate))
+    parameters = fit.process.parameters
+    errors = {
+        "gauss_markov.sigma": fit.standard_errors["sigma"],
+        "gauss_markov.correlation_time": fit.standard_errors["correlation_time"],
+    }
+    density = parameters.get("white_noise.density")
+    if density:
+        # N² = variance/rate
+        errors["white_noise.density"] = fit.standard_errors["white_variance"] / (
+            2.0 * rate * density
+        )
+    return _answer(
+        "autocorrelation",
+        values,
+        rate,
+        fit.process,
+        parameters,
+        errors,
+        fit,
+        converged="not converged" not in fit.flags,
+        flags=fit.flags,
+    )
+
+
+def by_wavelet_moments(
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+) -> MethodIdentification:
+    """Fit the wavelet variance (`fit_gmwm`)."""
+    from schuler.estimation.gmwm.fit import fit_gmwm
+
+    return _of_identification("gmwm", values, rate, fit_gmwm(values, rate, model))
+
+
+def by_robust_wavelet_moments(
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+) -> MethodIdentification:
+    """Fit the robust wavelet variance (`fit_gmwm`)."""
+    from schuler.estimation.gmwm.fit import fit_gmwm
+
+    return _of_identification("gmwm-robust", values, rate, fit_gmwm(values, rate, model, True))
+
+
+def by_likelihood(
+    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+) -> MethodIdentification:
+    """Maximise the likelihood (`fit_maximum_likelihood`)."""
+    from schuler.estimation.maximum_likelihood import fit_maximum_likelihood
+
+    block = 1 if shortest is None else max(round(shortest * rate), 1)
+    fit = fit_maximum_likelihood(values, rate, model, block)
+    return _of_identification("ml", values, rate, fit, block)
+
+
+def _of_identification(
+    method: str, values: FloatArray, rate: float, fit: Identification, block: int | None = None
+) -> MethodIdentification:
+    flags: tuple[str, ...] = getattr(fit, "flags", ())
+    return _answer(
+        method,
+        values,
+        rate,
+        fit.process,
+        fit.parameters,
+        fit.standard_errors,
+        fit,
+        converged=fit.diagnostics.converged,
+        flags=flags,
+        limits=fit.limits,
+        block=fastest_block(fit, rate) if block is None else block,
+    )
+
+
+def fastest_block(fit: Identification, rate: float) -> int:
+    """Return the samples in the shortest time that a fit describes.
+
+    Parameters
+    ----------
+    fit : Identification
+        Of an Allan or wavelet variance.
+    rate : float
+        Samples a second.
+
+    Returns
+    -------
+    int
+        1 unless the fastest times were left out.
+    """
+    return max(round(float(fit.diagnostics.tau[0]) * rate), 1)

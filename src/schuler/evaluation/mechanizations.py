@@ -1,0 +1,416 @@
+"""Mechanizations of one array side by side: errors, claims, biases, cost. S002 Tables 1 to 3.
+
+All of them start from one preparation. The improvement over a single IMU is given as a reduction,
+1 - error / error of the average single IMU (spec 6.3); where a run has outages, they are judged at
+the epochs that were withheld, and with a true trajectory at every sample.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler import earth
+from schuler.data import GnssRecording, NavigationSolution, Trajectory
+from schuler.data.array import ImuArray
+from schuler.errors import InputError
+from schuler.evaluation.outages import OutageStatistics, judge_window
+from schuler.navigation.engine import gate_thresholds, run_engine
+from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS
+from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
+from schuler.navigation.mechanizations.navigate_array import (
+    MECHANIZATIONS,
+    ArrayNavigation,
+    Mechanization,
+    check_mechanization,
+    extended_run,
+    run_mechanization,
+)
+from schuler.navigation.mechanizations.stacked import RigidBody
+from schuler.navigation.navigate import withhold
+from schuler.navigation.observability import state_names
+from schuler.navigation.run import FALSE_ALARM
+from schuler.noise.noise_model import NoiseModel
+from schuler.rotations import rotation_vector_from_dcm
+from schuler.types import FloatArray
+
+Window = tuple[float, float]
+
+COMPONENTS = ("N", "E", "D", "vN", "vE", "vD", "roll", "pitch", "heading")
+"""As S002 has them: metres, m/s, and the attitude in the axes of the body (rad)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MechanizationResult:
+    """What one mechanization came to.
+
+    Parameters
+    ----------
+    label : str
+        For people: "synthetic", "imu 2 alone".
+    mechanization : str
+        One of `MECHANIZATIONS`.
+    navigation : ArrayNavigation
+        Solution and all that belongs to it.
+    rms, largest : (9,) ndarray
+        Errors against the truth, by `COMPONENTS`; NaN without truth.
+    claimed : (9,) ndarray
+        Root mean square of the standard deviations over the same samples; the attitude about
+        north, east and down.
+    outages : OutageStatistics or None
+        At the epochs that were withheld.
+    cpu_seconds : float
+        Of the run itself.
+    """
+
+    label: str
+    mechanization: Mechanization
+    navigation: ArrayNavigation
+    rms: FloatArray
+    largest: FloatArray
+    claimed: FloatArray
+    outages: OutageStatistics | None
+    cpu_seconds: float
+
+    @property
+    def solution(self) -> NavigationSolution:
+        """The solution for the origin of the body."""
+        return self.navigation.solution
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MechanizationComparison:
+    """All mechanizations on one array.
+
+    Parameters
+    ----------
+    results : tuple of MechanizationResult
+        One for each; "single" for every IMU.
+    prepared : PreparedArray
+        From which all started.
+    windows : tuple of (start, seconds)
+        Outages, seconds after the first GNSS epoch.
+    judged : (start, stop) or None
+        Time over which errors against the truth are taken, s.
+    """
+
+    results: tuple[MechanizationResult, ...]
+    prepared: PreparedArray
+    windows: tuple[Window, ...]
+    judged: tuple[float, float] | None
+
+    def of(self, mechanization: Mechanization) -> tuple[MechanizationResult, ...]:
+        """Return the results of one mechanization."""
+        return tuple(r for r in self.results if r.mechanization == mechanization)
+
+    def average(self, mechanization: Mechanization, what: str = "rms") -> FloatArray:
+        """Return the mean of an error over the runs of a mechanization, (9,).
+
+        Parameters
+        ----------
+        mechanization : str
+            Which.
+        what : str
+            "rms", "largest" or "claimed".
+        """
+        mean: FloatArray = np.mean([getattr(r, what) for r in self.of(mechanization)], axis=0)
+        return mean
+
+    def reduction(self, mechanization: Mechanization, what: str = "rms") -> FloatArray:
+        """Return 1 - error / error of the average single IMU, (9,). Spec 6.3."""
+        less: FloatArray = 1.0 - self.average(mechanization, what) / self.average("single", what)
+        return less
+
+    def biases(self) -> tuple[tuple[str, ...], dict[str, tuple[FloatArray, FloatArray]]]:
+        """Return the bias of every sensor axis at the end, as each mechanization has it.
+
+        Returns
+        -------
+        tuple of names and dict
+            Names of the 6 k axes ("imu 1 accel_x"), and by label of the result the estimates and
+            their standard deviations (6 k,), NaN where a mechanization does not know the sensor:
+            a single IMU knows its own, the synthetic one none. S002, Figs 13 and 16.
+        """
+        array = self.prepared.array
+        names = tuple(f"{n} {c}" for n in array.names for c in FILTER_CHANNELS)
+        found = {}
+        for result in self.results:
+            value, sd = sensor_biases(result.navigation)
+            found[result.label] = (value, sd)
+        return names, found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON.
+
+        Returns
+        -------
+        dict
+            By label: errors, claims, outages, cost.
+        """
+        return {
+            "imus": list(self.prepared.array.names),
+            "notes": list(self.prepared.notes),
+            "windows": [list(w) for w in self.windows],
+            "components": list(COMPONENTS),
+            "mechanizations": [
+                {
+                    "label": r.label,
+                    "mechanization": r.mechanization,
+                    "states": states_of(r.navigation),
+                    "rms": _plain(r.rms),
+                    "largest": _plain(r.largest),
+                    "claimed_sd": _plain(r.claimed),
+                    "nis_over_degrees": r.solution.innovations.gnss.mean_nis,
+                    "outages": None if r.outages is None else r.outages.to_dict(),
+                    "cpu_us_per_sample": 1e6 * r.cpu_seconds / r.solution.trajectory.size,
+                }
+                for r in self.results
+            ],
+        }
+
+
+def compare_mechanizations(
+    array: ImuArray,
+    gnss: GnssRecording,
+    noise_models: NoiseModel | Sequence[NoiseModel] | None = None,
+    *,
+    mechanizations: Sequence[Mechanization] = MECHANIZATIONS,
+    parity: bool = True,
+    rigid: RigidBody | None = None,
+    truth: Trajectory | None = None,
+    judged: tuple[float, float] | None = None,
+    outages: Sequence[Window] = (),
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
+    heading: float | None = None,
+    mounting: FloatArray | None = None,
+    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
+    tune_noise: bool | None = None,
+    turn_on_accel: float = TURN_ON_ACCEL,
+    turn_on_gyro: float = TURN_ON_GYRO,
+    progress: Callable[[str], None] | None = None,
+) -> MechanizationComparison:
+    """Run several mechanizations on one array and judge them alike.
+
+    Parameters
+    ----------
+    array, gnss, noise_models
+        As for `navigate_array`.
+    mechanizations : sequence of str
+        Which; "single" runs every IMU by itself.
+    parity, rigid
+        As for `navigate_array`.
+    truth : Trajectory or None
+        Of the origin of the body, at any stamps.
+    judged : (start, stop) or None
+        Time over which errors against the truth are taken, s; None: all of it.
+    outages : sequence of (start, seconds)
+        GNSS that is withheld from all, and then judges them.
+    lever_arm, heading, mounting, time_offset, tune_noise, turn_on_accel, turn_on_gyro, progress
+        As for `navigate_array`.
+
+    Returns
+    -------
+    MechanizationComparison
+        Results in the order asked for.
+
+    Raises
+    ------
+    InputError
+        As `navigate_array`; no mechanization.
+    """
+    if not mechanizations:
+        raise InputError("no mechanization to compare", expected=", ".join(MECHANIZATIONS))
+    for name in mechanizations:
+        check_mechanization(name, smooth=False, aiding=())
+    say = progress or (lambda _: None)
+    used = withhold(gnss, outages) if outages else gnss
+    prepared = prepare_array(
+        array,
+        used,
+        noise_models,
+        lever_arm=lever_arm,
+        heading=heading,
+        mounting=mounting,
+        time_offset=time_offset,
+        tune_noise=tune_noise,
+        turn_on_accel=turn_on_accel,
+        turn_on_gyro=turn_on_gyro,
+        progress=progress,
+    )
+    results = []
+    for name in mechanizations:
+        for imu in range(prepared.array.count if name == "single" else 1):
+            label = f"{prepared.array.names[imu]} alone" if name == "single" else str(name)
+            say(f"filtering: {label}")
+            begin = time.process_time()
+            navigation = run_mechanization(
+                prepared, used, name, parity=parity, imu=imu, rigid=rigid
+            )
+            cpu = time.process_time() - begin
+            rms, largest, claimed = _errors(navigation.solution, truth, judged)
+            judged_windows = tuple(
+                judge_window(
+                    navigation.solution,
+                    gnss,
+                    window,
+                    lever_arm=prepared.lever_arm,
+                    time_offset=prepared.setup.offsets.position,
+                    sd_factor=prepared.setup.factors.position_sd,
+                )
+                for window in outages
+            )
+            statistics = OutageStatistics(judged_windows) if judged_windows else None
+            results.append(
+                MechanizationResult(label, name, navigation, rms, largest, claimed, statistics, cpu)
+            )
+    return MechanizationComparison(tuple(results), prepared, tuple(outages), judged)
+
+
+def states_of(navigation: ArrayNavigation) -> int:
+    """Return the number of states of the filter of a mechanization."""
+    if navigation.stack is not None:
+        return int(navigation.stack.covariance.shape[0])
+    return 9 + (0 if navigation.model is None else navigation.model.size)
+
+
+def sensor_biases(navigation: ArrayNavigation) -> tuple[FloatArray, FloatArray]:
+    """Return the estimated bias of every sensor axis at the end of a run.
+
+    Parameters
+    ----------
+    navigation : ArrayNavigation
+        Any mechanization.
+
+    Returns
+    -------
+    tuple of (6 k,) ndarray
+        Sum of the bias states of each axis and its standard deviation (of independent states),
+        accelerometers of IMU 1 first; NaN where the filter does not know the sensor.
+    """
+    solution, array = navigation.solution, navigation.prepared.array
+    value, square = np.full(6 * array.count, np.nan), np.full(6 * array.count, np.nan)
+    own = solution.settings.get("imu_used")
+    for j, name in enumerate(solution.sensor_error_names):
+        for i, imu in enumerate(array.names):
+            if own == imu:
+                rest = name
+            elif name.startswith(f"{imu} "):
+                rest = name[len(imu) + 1 :]
+            else:
+                continue
+            for c, channel in enumerate(FILTER_CHANNELS):
+                if rest.startswith(channel):
+                    at = 6 * i + c
+                    value[at] = np.nan_to_num(value[at]) + solution.sensor_errors[-1, j]
+                    square[at] = np.nan_to_num(square[at]) + solution.sensor_errors_sd[-1, j] ** 2
+    return value, np.sqrt(square)
+
+
+def bias_correlation(
+    prepared: PreparedArray, gnss: GnssRecording, *, parity: bool
+) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the correlation of all states of the extended filter at the end. S002, Fig 17.
+
+    Parameters
+    ----------
+    prepared : PreparedArray
+        From `prepare_array`.
+    gnss : GnssRecording
+        Epochs to use.
+    parity : bool
+        With or without the parity update.
+
+    Returns
+    -------
+    tuple of names and (9 + m, 9 + m) ndarray
+        Navigation first, then the states of all sensors.
+    """
+    setup, initial, schedule = extended_run(prepared, gnss, parity=parity)
+    run = run_engine(
+        prepared.recording,
+        initial,
+        setup.model,
+        schedule,
+        gate=gate_thresholds(FALSE_ALARM),
+        white_scale=setup.white_scale(prepared.recording),
+        node_interval=1e9,
+    )
+    covariance = run.nodes.covariance[-1]
+    sd = np.sqrt(np.diag(covariance))
+    names = state_names(setup.model)
+    return names, covariance / np.outer(sd, sd)
+
+
+def trajectory_errors(solution: NavigationSolution, truth: Trajectory) -> FloatArray:
+    """Return the errors of a solution at the stamps of the truth.
+
+    Parameters
+    ----------
+    solution : NavigationSolution
+        For the same point and axes as the truth.
+    truth : Trajectory
+        At any stamps; those outside the solution are left out.
+
+    Returns
+    -------
+    (k, 9) ndarray
+        By `COMPONENTS`: metres and m/s north, east, down, and the rotation from the true axes of
+        the body to the computed ones about its own axes, rad.
+    """
+    path = solution.trajectory
+    inside = (truth.time >= path.time[0]) & (truth.time <= path.time[-1])
+    if not inside.any():
+        raise InputError(
+            "the true trajectory and the solution do not overlap in time",
+            expected="one time axis",
+        )
+    time = truth.time[inside]
+
+    def at(values: FloatArray) -> FloatArray:
+        return np.column_stack([np.interp(time, path.time, values[:, i]) for i in range(3)])
+
+    position = truth.position[inside]
+    north, east = earth.metres_per_radian(position)
+    scale = np.stack([north, east, -np.ones(north.size)], axis=-1)
+    near = np.clip(np.searchsorted(path.time, time - 1e-9), 0, path.size - 1)
+    turn = truth.rotation[inside].transpose(0, 2, 1) @ path.rotation[near]
+    return np.hstack(
+        [
+            (at(path.position) - position) * scale,
+            at(path.velocity) - truth.velocity[inside],
+            rotation_vector_from_dcm(turn),
+        ]
+    )
+
+
+def _errors(
+    solution: NavigationSolution, truth: Trajectory | None, judged: tuple[float, float] | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    start, stop = judged or (-np.inf, np.inf)
+    time = solution.trajectory.time
+    part = (time >= start) & (time <= stop)
+    sd = np.hstack([solution.position_sd, solution.velocity_sd, solution.attitude_sd])[part]
+    claimed = np.sqrt(np.mean(sd**2, axis=0)) if part.any() else np.full(9, np.nan)
+    if truth is None:
+        return np.full(9, np.nan), np.full(9, np.nan), claimed
+    inside = (truth.time >= max(start, time[0])) & (truth.time <= min(stop, time[-1]))
+    error = trajectory_errors(
+        solution,
+        Trajectory(
+            truth.time[inside],
+            truth.position[inside],
+            truth.velocity[inside],
+            truth.rotation[inside],
+        ),
+    )
+    return np.sqrt(np.mean(error**2, axis=0)), np.abs(error).max(axis=0), claimed
+
+
+def _plain(values: FloatArray) -> list[float] | None:
+    return None if np.isnan(values).all() else [float(v) for v in values]

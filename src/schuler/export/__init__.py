@@ -1,1 +1,0 @@
-"""Noise models and trajectories in the formats of other programs."""

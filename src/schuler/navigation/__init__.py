@@ -1,0 +1,1 @@
+"""Alignment, strapdown, error model, aiding, filter, smoother: from recordings to a trajectory."""

@@ -1,0 +1,1 @@
+"""What aids an inertial navigation solution: one module a source."""

@@ -1,0 +1,55 @@
+"""What a user may say about measurements: how GNSS is weighted, its slow errors, other sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schuler.navigation.aiding.attitude_sources import CorrelatedGnss, StatefulAiding
+from schuler.navigation.aiding.weighting import CLAIMED, GnssWeighting
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasurementOptions:
+    """How measurements are used.
+
+    Parameters
+    ----------
+    weighting : GnssWeighting
+        Gate, Huber or Student-t; adaptive noise.
+    correlated : CorrelatedGnss or None
+        Slow errors of GNSS positions as states; None: what a receiver says is white noise. The
+        default is none, as a receiver's deviations do not tell how long its errors last, and the
+        innovations of a filter that is sure of itself hardly do.
+    sources : tuple of StatefulAiding
+        Heading, barometer, magnetometer.
+    """
+
+    weighting: GnssWeighting = CLAIMED
+    correlated: CorrelatedGnss | None = None
+    sources: tuple[StatefulAiding, ...] = ()
+
+    def placed(self, model: SensorErrorModel) -> tuple[SensorErrorModel, MeasurementOptions]:
+        """Append the states of all that has any.
+
+        Parameters
+        ----------
+        model : SensorErrorModel
+            Of the IMU.
+
+        Returns
+        -------
+        tuple of SensorErrorModel and MeasurementOptions
+            The model with the new states at its end, and options that know their places.
+        """
+        correlated = self.correlated
+        if correlated is not None:
+            model, correlated = correlated.placed(model)
+        placed: list[StatefulAiding] = []
+        for source in self.sources:
+            model, known = source.placed(model)
+            placed.append(known)
+        return model, MeasurementOptions(self.weighting, correlated, tuple(placed))
+
+
+PLAIN = MeasurementOptions()

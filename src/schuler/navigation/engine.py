@@ -1,0 +1,427 @@
+"""The batch filter: states and recordings in, stored runs out.
+
+What a smoother needs of every node may outgrow memory on long runs with many measurements. A run
+then keeps the filter's memory at a few samples only, and computes the nodes between two of them
+once more when the smoother comes by; the numbers are the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import ImuRecording
+from schuler.errors import NavigationError
+from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.outputs import (
+    AidingOutputs,
+    NodeOutputs,
+    SampleOutputs,
+    measurement_bytes,
+    node_bytes,
+)
+from schuler.navigation.stepping import (
+    NO_SCALE,
+    NO_VEHICLE,
+    FilterStepper,
+    InitialState,
+    VehicleStates,
+    aiding_arrays,
+    measurement_arrays,
+    node_arrays,
+    sample_arrays,
+)
+from schuler.types import FloatArray
+
+__all__ = [
+    "NO_VEHICLE",
+    "SMOOTHER_MEMORY",
+    "AidingOutputs",
+    "FilterRun",
+    "InitialState",
+    "NodeOutputs",
+    "NodeStretch",
+    "SampleOutputs",
+    "VehicleStates",
+    "gate_thresholds",
+    "run_engine",
+]
+
+
+# bytes that nodes and measurements may take for the smoother before they are computed twice
+SMOOTHER_MEMORY = 5e8
+# two measurements closer than this share a node (s); no checkpoint comes between them
+ONE_NODE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NodeStretch:
+    """Neighbouring nodes with all that the smoother needs.
+
+    Parameters
+    ----------
+    first, stop : int
+        Numbers of the first node and of the one behind the last.
+    nodes : NodeOutputs
+        Node number k in row k modulo the number of rows of each array.
+    row, gain : ndarray
+        Of the measurements, likewise.
+    """
+
+    first: int
+    stop: int
+    nodes: NodeOutputs
+    row: FloatArray
+    gain: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checkpoints:
+    """A run that can be computed once more, part by part.
+
+    Parameters
+    ----------
+    stepper : FilterStepper
+        Of the run; its memory is overwritten.
+    start : tuple of int
+        First sample of every part, and the number of samples.
+    nodes : tuple of int
+        Nodes made before every part, and in all.
+    memories, counters : tuple of ndarray
+        Of the filter before every part.
+    inputs : tuple
+        Time, gyro, accel, white scale, arrays of measurements, and the time of the last node
+        before every part.
+    """
+
+    stepper: FilterStepper
+    start: tuple[int, ...]
+    nodes: tuple[int, ...]
+    memories: tuple[FloatArray, ...]
+    counters: tuple[NDArray[np.int64], ...]
+    inputs: tuple[Any, ...]
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the stored memories."""
+        return int(
+            sum(m.nbytes + c.nbytes for m, c in zip(self.memories, self.counters, strict=True))
+        )
+
+    def part(self, p: int, aiding: AidingOutputs) -> NodeStretch:
+        """Compute the nodes of one part once more.
+
+        Parameters
+        ----------
+        p : int
+            Number of the part.
+        aiding : AidingOutputs
+            Of the whole run; what is written agrees with what is there.
+
+        Returns
+        -------
+        NodeStretch
+            The nodes made in it.
+        """
+        stepper = self.stepper
+        stepper.memory[:], stepper.counters[:] = self.memories[p], self.counters[p]
+        own = slice(self.start[p], self.start[p + 1])
+        time, gyro, accel, scale, measurements, last_node = self.inputs
+        first, stop = self.nodes[p], self.nodes[p + 1]
+        begun = int(self.counters[p][1])
+        ended = begun + int(np.sum(measurements[1][begun:] <= time[own.stop - 1]))
+        # one more: the node before the part is looked at
+        nodes = NodeOutputs.empty(stop - first + 1, stop - first + 1, stepper.size, stepper.width)
+        nodes.time[(first - 1) % nodes.size] = last_node[p]
+        kept = AidingOutputs.empty(0, max(ended - begun, 1), stepper.size)
+        again = AidingOutputs(
+            aiding.residual,
+            aiding.deviation,
+            aiding.nis,
+            aiding.degrees,
+            aiding.accepted,
+            kept.row,
+            kept.gain,
+            aiding.scalar,
+        )
+        stepper.advance(
+            time[own],
+            gyro[own],
+            accel[own],
+            scale[own] if scale.size else scale,
+            p + 2 == len(self.start),
+            stepper.tail(
+                measurements,
+                sample_arrays(SampleOutputs.empty(0)),
+                aiding_arrays(again),
+                node_arrays(nodes),
+            ),
+        )
+        return NodeStretch(first, stop, nodes, kept.row, kept.gain)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterRun:
+    """Everything that one pass of the filter left behind.
+
+    Parameters
+    ----------
+    samples : SampleOutputs
+        State at every sample, if kept.
+    aiding : AidingOutputs
+        At every measurement.
+    nodes : NodeOutputs
+        At every node; without what the smoother needs where that is computed once more.
+    log_likelihood : float
+        Of the accepted measurements.
+    final : InitialState
+        The state at the end.
+    checkpoints : Checkpoints or None
+        Where to compute nodes from once more.
+    pieces : tuple of FilterRun
+        Runs that this one was joined from (navigation/segments.py), each kept by itself for the
+        smoother; usually empty.
+    breaks : tuple of (m, m) ndarray
+        Transition of the sensor states between one piece and the next; of the navigation states
+        nothing comes across.
+    """
+
+    samples: SampleOutputs
+    aiding: AidingOutputs
+    nodes: NodeOutputs
+    log_likelihood: float
+    final: InitialState
+    checkpoints: Checkpoints | None = None
+    pieces: tuple[FilterRun, ...] = ()
+    breaks: tuple[FloatArray, ...] = ()
+
+    @property
+    def smoother_bytes(self) -> int:
+        """Bytes kept for the smoother."""
+        if self.pieces:
+            return sum(piece.smoother_bytes for piece in self.pieces)
+        if self.checkpoints is not None:
+            return self.checkpoints.bytes
+        nodes, aiding = self.nodes, self.aiding
+        kept = (nodes.covariance, nodes.top, nodes.transition, nodes.error, aiding.row, aiding.gain)
+        return int(sum(a.nbytes for a in kept))
+
+    @property
+    def smoothable(self) -> bool:
+        """Whether the run kept what the smoother needs."""
+        if self.pieces:
+            return all(piece.smoothable for piece in self.pieces)
+        kept = self.nodes.covariance.size > 0 or self.checkpoints is not None
+        return kept and self.samples.position.size > 0
+
+    def stretches_back(self) -> Iterator[NodeStretch]:
+        """Yield all nodes with what the smoother needs, in stretches from the last to the first.
+
+        Yields
+        ------
+        NodeStretch
+            Valid until the next one is asked for.
+        """
+        if self.checkpoints is None:
+            row, gain = self.aiding.row, self.aiding.gain
+            yield NodeStretch(0, self.nodes.size, self.nodes, row, gain)
+            return
+        for p in range(len(self.checkpoints.memories) - 1, -1, -1):
+            yield self.checkpoints.part(p, self.aiding)
+
+
+def gate_thresholds(false_alarm: float) -> FloatArray:
+    """Largest accepted normalised innovation squared for 0 to 3 degrees of freedom.
+
+    Parameters
+    ----------
+    false_alarm : float
+        Probability of refusing a good measurement; 0 switches the gate off.
+
+    Returns
+    -------
+    (4,) ndarray
+        Chi-square quantiles; Bar-Shalom, Estimation with Applications to Tracking and
+        Navigation, section 5.4.
+    """
+    from scipy.special import gammaincinv
+
+    if false_alarm <= 0.0:
+        return np.array([0.0, np.inf, np.inf, np.inf])
+    half = np.array([0.5, 1.0, 1.5])
+    return np.concatenate([[0.0], 2.0 * gammaincinv(half, 1.0 - false_alarm)])
+
+
+def run_engine(
+    imu: ImuRecording,
+    initial: InitialState,
+    model: SensorErrorModel,
+    schedule: AidingSchedule,
+    *,
+    gate: FloatArray,
+    robustness: FloatArray | None = None,
+    white_scale: FloatArray | None = None,
+    vehicle: VehicleStates = NO_VEHICLE,
+    keep_samples: bool = True,
+    keep_nodes: bool = True,
+    node_interval: float = 0.25,
+    smoother_memory: float = SMOOTHER_MEMORY,
+) -> FilterRun:
+    """Run the filter over a recording.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    initial : InitialState
+        At the first sample.
+    model : SensorErrorModel
+        Sensor error states and white noise.
+    schedule : AidingSchedule
+        Sorted measurements inside the time of the IMU.
+    gate : (4,) ndarray
+        See `gate_thresholds`.
+    robustness : (9,) ndarray or None
+        See `GnssWeighting`; None: a gate, and the noise that the receiver claims.
+    white_scale : (n, 6) ndarray or None
+        Multiplies the squared white-noise densities sample by sample (accelerometers first).
+    vehicle : VehicleStates
+        Needed where the schedule has constraints of a vehicle.
+    keep_samples, keep_nodes : bool
+        Whether to store the state at every sample, and what the smoother needs.
+    node_interval : float
+        Longest time between nodes, s.
+    smoother_memory : float
+        Bytes that may be kept for the smoother; a run that needs more keeps checkpoints instead
+        and computes the nodes between them once more.
+
+    Returns
+    -------
+    FilterRun
+        Outputs; arrays that were not kept have no rows.
+
+    Raises
+    ------
+    NavigationError
+        The state stopped being finite, or a measurement refers to states that do not exist.
+    """
+    stepper = FilterStepper(
+        initial,
+        model,
+        gate=gate,
+        robustness=robustness,
+        vehicle=vehicle,
+        node_interval=node_interval,
+        accumulating=keep_nodes,
+    )
+    measurements = measurement_arrays(schedule, model.size)
+    n, u, s = imu.size, schedule.size, stepper.size
+    k = u + int(imu.duration / node_interval) + 3
+    needed = k * node_bytes(s, stepper.width) + u * measurement_bytes(s)
+    whole = keep_nodes and needed <= smoother_memory
+    samples = SampleOutputs.empty(n if keep_samples else 0)
+    aiding = AidingOutputs.empty(u, u if whole else 0, s)
+    nodes = NodeOutputs.empty(k, k if whole else 0, s, stepper.width)
+    scale = NO_SCALE if white_scale is None else np.ascontiguousarray(white_scale)
+    starts = [0, n]
+    if keep_nodes and not whole:
+        memory = stepper.memory.nbytes + stepper.counters.nbytes
+        starts = _parts(imu.time, schedule.time, node_interval, needed, memory, smoother_memory)
+    kept: list[tuple[int, FloatArray, NDArray[np.int64], float]] = []
+    for first, stop in pairwise(starts):
+        if keep_nodes and not whole:
+            made = stepper.nodes_made
+            last = float(nodes.time[made - 1]) if made else -np.inf
+            kept.append((made, stepper.memory.copy(), stepper.counters.copy(), last))
+        own = slice(first, stop)
+        bad = stepper.advance(
+            imu.time[own],
+            imu.gyro[own],
+            imu.accel[own],
+            scale[own] if scale.size else scale,
+            stop == n,
+            stepper.tail(
+                measurements,
+                sample_arrays(samples),
+                aiding_arrays(aiding),
+                node_arrays(nodes),
+            ),
+            first,
+        )
+        if bad >= 0:
+            raise diverged(imu, first + bad)
+    count = stepper.nodes_made
+    checkpoints = None
+    if kept:
+        before, memories, counters, last_nodes = zip(*kept, strict=True)
+        inputs = (imu.time, imu.gyro, imu.accel, scale, measurements, last_nodes)
+        checkpoints = Checkpoints(
+            stepper, tuple(starts), (*before, count), memories, counters, inputs
+        )
+    rows = {f: getattr(nodes, f) for f in NodeOutputs.__dataclass_fields__}
+    position, velocity, rotation, sensor_state, covariance = (v.copy() for v in stepper.views())
+    return FilterRun(
+        samples=samples,
+        aiding=aiding,
+        nodes=NodeOutputs(**{f: a[:count] for f, a in rows.items()}),
+        log_likelihood=stepper.log_likelihood,
+        final=InitialState(position, velocity, rotation, sensor_state, covariance),
+        checkpoints=checkpoints,
+    )
+
+
+def diverged(imu: ImuRecording, sample: int) -> NavigationError:
+    """Return what to raise where the state of a filter stopped being finite.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The run.
+    sample : int
+        The first one with a state that is not finite.
+
+    Returns
+    -------
+    NavigationError
+        With its time and the cure.
+    """
+    return NavigationError(
+        f"the navigation state stopped being finite at {imu.time[sample]:.3f} s",
+        expected="a bounded trajectory",
+        cure="check units and axes of the IMU and the noise model",
+        where=imu.name,
+    )
+
+
+def _parts(
+    time: FloatArray,
+    measured: FloatArray,
+    node_interval: float,
+    needed: float,
+    memory: int,
+    allowed: float,
+) -> list[int]:
+    """First samples of parts with about as many nodes each, and the number of samples.
+
+    With p parts the checkpoints take p memories and the part at hand needed / p bytes: as few
+    parts as fit, and never more than the number that makes their sum least.
+    """
+    least = np.sqrt(needed / memory)
+    half = 0.25 * allowed**2 - needed * memory
+    fits = (0.5 * allowed - np.sqrt(half)) / memory if half > 0.0 else least
+    count = int(np.clip(np.ceil(fits), 1, max(time.size // 10, 1)))
+    nodes = np.searchsorted(measured, time, side="right") + (time - time[0]) / node_interval
+    wanted = nodes[-1] * np.arange(1, count) / count
+    inner = np.searchsorted(nodes, wanted, side="right")
+    # not where the next measurement might share the node of the last one
+    ahead = np.searchsorted(measured, time[np.minimum(inner, time.size - 1) - 1], side="right")
+    following = np.append(measured, np.inf)[ahead]
+    clear = following - time[np.minimum(inner, time.size - 1) - 1] > ONE_NODE
+    good = np.unique(inner[clear & (inner > 1) & (inner < time.size - 1)])
+    return [0, *good.tolist(), time.size]

@@ -1,0 +1,1 @@
+"""What a filter is told of its sensors: states of any noise model, and the named models."""

@@ -1,0 +1,261 @@
+"""Fixed-lag smoothing: every sample sees measurements up to a given time after it. Spec 10.
+
+For near real time: what a vehicle did five seconds ago is known much better than what it does
+now. Every node is smoothed from the last node within its lag, by the same recursion as over the
+whole interval (kernels/smoother.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.errors import InputError, NavigationError
+from schuler.navigation.engine import FilterRun, NodeStretch
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
+from schuler.navigation.smoother import SmoothedRun, corrected_samples
+from schuler.navigation.stepping import sample_arrays
+from schuler.types import FloatArray, IntArray
+
+
+def lag_horizons(node_time: FloatArray, lag: float) -> IntArray:
+    """Return for every node the last node whose measurements it may use.
+
+    Parameters
+    ----------
+    node_time : (k,) ndarray
+        Increasing, s.
+    lag : float
+        Seconds.
+
+    Returns
+    -------
+    (k,) ndarray of int
+        At least the node itself.
+    """
+    return np.searchsorted(node_time, node_time + lag + 1e-9, side="right") - 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaggedNodes:
+    """Neighbouring nodes smoothed each under its own horizon, with the node that follows each.
+
+    Parameters
+    ----------
+    moved : (k,) ndarray of bool
+        False where the horizon is the node itself: nothing was smoothed.
+    error, ahead : (k, s) ndarray
+        Error left in the filter's state at the node, and at the next one before its correction.
+    position, position_ahead : (k, 3, 3) ndarray
+        Covariances of position, m².
+    sd, sd_ahead : (k, s) ndarray
+        Standard deviations.
+    """
+
+    moved: NDArray[np.bool_]
+    error: FloatArray
+    ahead: FloatArray
+    position: FloatArray
+    position_ahead: FloatArray
+    sd: FloatArray
+    sd_ahead: FloatArray
+
+    def corrected(self, samples: SampleOutputs, node: IntArray, share: FloatArray) -> SampleOutputs:
+        """Correct samples that follow nodes.
+
+        Parameters
+        ----------
+        samples : SampleOutputs
+            Of the filter, n rows.
+        node : (n,) ndarray of int
+            Row of the node before each.
+        share : (n,) ndarray
+            How far it is on its way to the next node, 0 to 1.
+
+        Returns
+        -------
+        SampleOutputs
+            Smoothed where the horizon reaches the next node, as they were elsewhere.
+        """
+        w = share[:, None]
+        w3 = w[:, :, None]
+        error = self.error[node, :9] * (1.0 - w) + self.ahead[node, :9] * w
+        position = self.position[node] * (1.0 - w3) + self.position_ahead[node] * w3
+        sd = self.sd[node, :9] * (1.0 - w) + self.sd_ahead[node, :9] * w
+        still = ~self.moved[node]
+        error[still] = 0.0
+        position[still] = samples.position_covariance[still]
+        sd[still, 3:6], sd[still, 6:9] = samples.velocity_sd[still], samples.attitude_sd[still]
+        return corrected_samples(samples, error, position, sd)
+
+
+def smooth_nodes_with_lag(
+    stretch: NodeStretch,
+    aiding: AidingOutputs,
+    block: IntArray,
+    first: int,
+    horizon: IntArray,
+) -> LaggedNodes:
+    """Smooth nodes each under its own horizon.
+
+    Parameters
+    ----------
+    stretch : NodeStretch
+        Holds the nodes and all up to their horizons.
+    aiding : AidingOutputs
+        Of the run.
+    block : (m, 2) ndarray of int
+        Blocks of the sensor states.
+    first : int
+        Number of the first node to smooth.
+    horizon : (k,) ndarray of int
+        Numbers of the last nodes that each of the k nodes may use.
+
+    Returns
+    -------
+    LaggedNodes
+        One row a node.
+    """
+    from schuler.kernels.smoother import smooth_with_lag
+
+    nodes, k = stretch.nodes, horizon.size
+    s = nodes.covariance.shape[1]
+    error, ahead = np.zeros((2, k, s))
+    position, position_ahead = np.zeros((2, k, 3, 3))
+    variance, variance_ahead = np.zeros((2, k, s))
+    smooth_with_lag(
+        horizon,
+        first,
+        nodes.covariance,
+        nodes.top,
+        nodes.transition,
+        nodes.aid,
+        block,
+        aiding.accepted,
+        stretch.row,
+        stretch.gain,
+        aiding.scalar,
+        error,
+        position,
+        variance,
+        ahead,
+        position_ahead,
+        variance_ahead,
+    )
+    moved = horizon > first + np.arange(k)
+    following = (first + 1 + np.flatnonzero(moved)) % len(nodes.error)
+    ahead[moved] += nodes.error[following]
+    sd, sd_ahead = np.sqrt(variance), np.sqrt(variance_ahead)
+    return LaggedNodes(moved, error, ahead, position, position_ahead, sd, sd_ahead)
+
+
+def smooth_run_with_lag(
+    run: FilterRun, model: SensorErrorModel, time: FloatArray, lag: float
+) -> SmoothedRun:
+    """Smooth a run with measurements up to `lag` seconds after each node.
+
+    Parameters
+    ----------
+    run : FilterRun
+        From `run_engine` with keep_samples and keep_nodes.
+    model : SensorErrorModel
+        The one of the run.
+    time : (n,) ndarray
+        IMU time, s.
+    lag : float
+        Seconds; less than a node's distance leaves the causal solution.
+
+    Returns
+    -------
+    SmoothedRun
+        Same times as the run. No sample depends on a measurement later than `lag` after it, nor
+        on one behind a restart of the filter.
+
+    Raises
+    ------
+    NavigationError
+        The run did not keep what is needed.
+    InputError
+        A lag that is not positive.
+    """
+    if not lag > 0.0:
+        raise InputError(f"a lag of {lag} s", expected="a positive number of seconds")
+    if not run.smoothable:
+        raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
+    if run.pieces:
+        return _piece_by_piece(run, model, time, lag)
+    node_time = run.nodes.time
+    horizon = lag_horizons(node_time, lag)
+    block = model.layout().block
+    parts: list[LaggedNodes] = []
+    later: list[NodeStretch] = []
+    for stretch in run.stretches_back():
+        later = [stretch, *(s for s in later if s.first <= horizon[stretch.stop - 1])]
+        own = horizon[stretch.first : stretch.stop]
+        held = stretch if len(later) == 1 else _joined(later, int(own[-1]) + 1)
+        parts.insert(0, smooth_nodes_with_lag(held, run.aiding, block, stretch.first, own))
+    whole = LaggedNodes(
+        *(np.concatenate([getattr(p, f) for p in parts]) for f in LaggedNodes.__dataclass_fields__)
+    )
+    count = node_time.size
+    before = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, count - 1)
+    span = np.append(np.diff(node_time), np.inf)[before]
+    share = np.clip((time - node_time[before]) / span, 0.0, 1.0)
+    return SmoothedRun(
+        samples=whole.corrected(run.samples, before, share),
+        sensor_state=run.nodes.sensor_state + whole.error[:, 9:],
+        sensor_sd=whole.sd[:, 9:],
+    )
+
+
+def _piece_by_piece(
+    run: FilterRun, model: SensorErrorModel, time: FloatArray, lag: float
+) -> SmoothedRun:
+    """Each piece of a run by itself: of navigation nothing comes across a restart."""
+    edges = np.cumsum([0, *(len(p.samples.position) for p in run.pieces)])
+    own = [
+        smooth_run_with_lag(piece, model, time[a:b], lag)
+        for piece, a, b in zip(run.pieces, edges[:-1], edges[1:], strict=True)
+    ]
+    samples = [sample_arrays(s.samples) for s in own]
+    return SmoothedRun(
+        samples=SampleOutputs(*(np.concatenate(field) for field in zip(*samples, strict=True))),
+        sensor_state=np.concatenate([s.sensor_state for s in own]),
+        sensor_sd=np.concatenate([s.sensor_sd for s in own]),
+    )
+
+
+def _joined(stretches: list[NodeStretch], stop: int) -> NodeStretch:
+    """Stretches that follow each other in one, up to node stop - 1."""
+    first = stretches[0].first
+    count = stop - first
+    numbers = [np.arange(s.first, min(s.stop, stop)) for s in stretches]
+
+    def rows(field: str) -> FloatArray:
+        parts = [getattr(s.nodes, field) for s in stretches]
+        out = np.empty((count, *parts[0].shape[1:]), dtype=parts[0].dtype)
+        for part, n in zip(parts, numbers, strict=True):
+            out[n % count] = part[n % len(part)]
+        return out
+
+    aid: IntArray = rows("aid")  # type: ignore[assignment]
+    low, high = int(aid[first % count, 0]), int(aid[(stop - 1) % count, 1])
+    kept = max(high - low, 1)
+    row, gain = (np.zeros((kept, *stretches[0].row.shape[1:])) for _ in range(2))
+    for s, n in zip(stretches, numbers, strict=True):
+        used = np.arange(aid[n[0] % count, 0], aid[n[-1] % count, 1])
+        row[used % kept], gain[used % kept] = s.row[used % len(s.row)], s.gain[used % len(s.gain)]
+    nodes = NodeOutputs(
+        time=np.empty(0),
+        sensor_state=np.empty((0, 0)),
+        sensor_sd=np.empty((0, 0)),
+        covariance=rows("covariance"),
+        top=rows("top"),
+        transition=rows("transition"),
+        error=rows("error"),
+        aid=aid,
+    )
+    return NodeStretch(first, stop, nodes, row, gain)

@@ -1,0 +1,1 @@
+"""Several IMUs in one filter: synthetic, extended, constrained, system level."""

@@ -1,0 +1,344 @@
+"""Sensor error states of an array: every sensor its own, or what is left of them when fused.
+
+The fused rate and force are pi ell (spec 6.2), so a state of one sensor shows in the body along
+the column of pi that belongs to its axis, and the input noise is pi C pi'. That is all in which
+the extended and the synthetic mechanization differ from a single IMU (spec 7.4, 7.5): the filter
+is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler.arrays.synthesis.least_squares import least_squares
+from schuler.data.array import Mounting
+from schuler.errors import InputError, ModelError
+from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, SensorErrorModel
+from schuler.noise.noise_model import NoiseModel
+from schuler.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fusion:
+    """How the sensors of an array are added up in the body frame, spec 6.2.
+
+    Parameters
+    ----------
+    accel, gyro : (3, 3 k) ndarray
+        pi of either: left inverses of the stacked axes, columns by IMU, then by axis.
+    axes : (3 k, 3) ndarray
+        The stacked sensor axes in the body, A.
+    centre : (3,) ndarray
+        Where the fused IMU sits: the mean place of the accelerometers by their weight, body, m.
+    """
+
+    accel: FloatArray
+    gyro: FloatArray
+    axes: FloatArray
+    centre: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number of IMUs."""
+        return int(self.axes.shape[0]) // 3
+
+    def of(self, channel: int) -> FloatArray:
+        """Pi of the accelerometers (channel 0-2) or gyros (3-5)."""
+        return self.accel if channel < 3 else self.gyro
+
+
+def fusion_of(mounting: Mounting, models: Sequence[SensorErrorModel]) -> Fusion:
+    """Return pi = (A' P A)^-1 A' P with the inverse of the white noise as weight P.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        Of k IMUs.
+    models : sequence of SensorErrorModel
+        One for each IMU.
+
+    Returns
+    -------
+    Fusion
+        Of accelerometers and gyros. Source: S002 (7), spec 6.2.
+    """
+    axes = np.concatenate([c.T for c in mounting.rotation])
+    white = np.stack([m.white_density for m in models])
+
+    def left_inverse(density: FloatArray) -> FloatArray:
+        scale = density.ravel()
+        # sensors without any white noise count alike
+        if not np.all(scale > 0.0):
+            scale = np.ones(scale.size)
+        return least_squares(axes, scale**2).pi
+
+    accel = left_inverse(white[:, :3])
+    share = np.array(
+        [np.trace(accel[:, 3 * i : 3 * i + 3] @ axes[3 * i : 3 * i + 3]) / 3.0
+         for i in range(mounting.count)]
+    )  # fmt: skip
+    return Fusion(accel, left_inverse(white[:, 3:]), axes, share @ mounting.position)
+
+
+def extended_model(
+    models: Sequence[SensorErrorModel], fusion: Fusion, names: Sequence[str]
+) -> SensorErrorModel:
+    """Lay out the error states of every sensor of an array. Spec 7.5.
+
+    Parameters
+    ----------
+    models : sequence of SensorErrorModel
+        One for each IMU, in its own axes, in continuous time.
+    fusion : Fusion
+        How the sensors are added up.
+    names : sequence of str
+        Of the IMUs.
+
+    Returns
+    -------
+    SensorErrorModel
+        States by IMU, each shown along its column of pi; white noise pi C pi' of the body axes.
+    """
+    _check_continuous(models)
+    first = np.concatenate([[0], np.cumsum([m.size for m in models])])
+    total = int(first[-1])
+    initial = np.zeros((total, total))
+    for model, a, b in zip(models, first[:-1], first[1:], strict=True):
+        initial[a:b, a:b] = model.initial_covariance
+    partner = np.concatenate(
+        [
+            np.where(m.partner >= 0, m.partner + a, -1)
+            for m, a in zip(models, first[:-1], strict=True)
+        ]
+    )
+    shown = np.concatenate([body_directions(m, fusion, i) for i, m in enumerate(models)])
+    return _with_white(
+        SensorErrorModel(
+            channel=np.concatenate([m.channel for m in models]),
+            direction=shown,
+            drift=np.concatenate([m.drift for m in models]),
+            diffusion=np.concatenate([m.diffusion for m in models]),
+            partner=partner.astype(np.int64),
+            initial_covariance=initial,
+            white_density=np.zeros(6),
+            names=tuple(f"{n} {s}" for n, m in zip(names, models, strict=True) for s in m.names),
+            ignored=tuple(
+                f"{n} {s}" for n, m in zip(names, models, strict=True) for s in m.ignored
+            ),
+        ),
+        models,
+        fusion,
+    )
+
+
+def without_idle_states(model: SensorErrorModel) -> SensorErrorModel:
+    """Leave out states that start at zero and stay there: constants of standard deviation zero.
+
+    Parameters
+    ----------
+    model : SensorErrorModel
+        In continuous time.
+
+    Returns
+    -------
+    SensorErrorModel
+        The rest; S002 (5) with its one Gauss-Markov noise an axis then has 9 + 6 k states.
+    """
+    idle = (np.diag(model.initial_covariance) == 0.0) & (model.diffusion[:, 0] == 0.0)
+    idle &= model.partner < 0
+    keep = np.flatnonzero(~idle)
+    place = np.cumsum(~idle) - 1
+    partner = model.partner[keep]
+    return replace(
+        model,
+        channel=model.channel[keep],
+        direction=model.direction[keep],
+        drift=model.drift[keep],
+        diffusion=model.diffusion[keep],
+        partner=np.where(partner >= 0, place[np.maximum(partner, 0)], -1),
+        initial_covariance=model.initial_covariance[np.ix_(keep, keep)],
+        names=tuple(model.names[j] for j in keep),
+        scaled_by=model.scaled_by[keep],
+    )
+
+
+def body_directions(model: SensorErrorModel, fusion: Fusion, imu: int) -> FloatArray:
+    """How the states of one IMU show in the fused measurement.
+
+    Parameters
+    ----------
+    model : SensorErrorModel
+        Of that IMU, in its own axes.
+    fusion : Fusion
+        Of the array.
+    imu : int
+        Counted from zero.
+
+    Returns
+    -------
+    (m, 3) ndarray
+        Columns of pi, or combinations of them; zero for states that show nowhere.
+    """
+    own = sensor_directions(model)
+    shown = np.zeros((model.size, 3))
+    for j, channel in enumerate(model.channel):
+        if channel >= 0:
+            shown[j] = fusion.of(int(channel))[:, 3 * imu : 3 * imu + 3] @ own[j]
+    return shown
+
+
+def sensor_directions(model: SensorErrorModel) -> FloatArray:
+    """How states show on the axes of their own IMU, (m, 3), unit vectors written out."""
+    unit = np.eye(3)[np.maximum(model.channel, 0) % 3]
+    return np.where(np.isnan(model.direction[:, :1]), unit, model.direction)
+
+
+def fused_model(
+    models: Sequence[SensorErrorModel], fusion: Fusion
+) -> tuple[SensorErrorModel, FloatArray]:
+    """Merge the error states of all sensors that move alike. Spec 7.4.
+
+    States of one kind (accelerometers or gyros) with the same time constant cannot be told apart
+    in the fused measurement: three states for each time constant carry all that is seen of them.
+
+    Parameters
+    ----------
+    models : sequence of SensorErrorModel
+        One for each IMU, in its own axes, in continuous time.
+    fusion : Fusion
+        How the sensors are added up.
+
+    Returns
+    -------
+    tuple of SensorErrorModel and (f, m) ndarray
+        The merged model, and the matrix that turns the states of `extended_model` into its own.
+    """
+    extended = extended_model(models, fusion, [str(i + 1) for i in range(len(models))])
+    alone = np.flatnonzero((extended.partner >= 0) | (extended.channel < 0))
+    groups: dict[tuple[bool, float], list[int]] = {}
+    for j in np.flatnonzero((extended.partner < 0) & (extended.channel >= 0)):
+        key = (bool(extended.channel[j] < 3), round(float(extended.drift[j, 0]), 12))
+        groups.setdefault(key, []).append(int(j))
+    kinds = _state_kinds(extended)
+    rows: list[FloatArray] = []
+    channel, direction, drift, diffusion, names = [], [], [], [], []
+    for (of_force, rate), members in sorted(groups.items(), key=lambda g: (not g[0][0], g[0][1])):
+        shown = extended.direction[members]
+        spread = shown.T @ (extended.diffusion[members, 0][:, None] * shown)
+        axes = _principal_axes(spread)
+        for a in range(3):
+            row = np.zeros(extended.size)
+            row[members] = shown @ axes[:, a]
+            rows.append(row)
+            channel.append(a if of_force else 3 + a)
+            unit = np.array_equal(axes[:, a], np.eye(3)[a])
+            direction.append(np.full(3, np.nan) if unit else axes[:, a])
+            drift.append([rate, 0.0])
+            diffusion.append([float(axes[:, a] @ spread @ axes[:, a]), 0.0])
+            names.append(f"{FILTER_CHANNELS[channel[-1]]} {kinds[members[0]]}")
+    base = len(rows)
+    for place, j in enumerate(alone):
+        row = np.zeros(extended.size)
+        row[j] = 1.0
+        rows.append(row)
+        channel.append(int(extended.channel[j]))
+        direction.append(extended.direction[j])
+        drift.append(list(extended.drift[j]))
+        diffusion.append(list(extended.diffusion[j]))
+        names.append(extended.names[j])
+        alone[place] = j
+    partner = np.full(len(rows), -1, dtype=np.int64)
+    for place, j in enumerate(alone):
+        if extended.partner[j] >= 0:
+            partner[base + place] = base + int(np.flatnonzero(alone == extended.partner[j])[0])
+    merge = np.stack(rows) if rows else np.zeros((0, 0))
+    model = replace(
+        extended,
+        channel=np.array(channel, dtype=np.int64),
+        direction=np.array(direction).reshape(-1, 3),
+        drift=np.array(drift).reshape(-1, 2),
+        diffusion=np.array(diffusion).reshape(-1, 2),
+        partner=partner,
+        initial_covariance=merge @ extended.initial_covariance @ merge.T,
+        names=tuple(names),
+        scaled_by=np.full(len(rows), -1, dtype=np.int64),
+    )
+    return model, merge
+
+
+def _principal_axes(spread: FloatArray) -> FloatArray:
+    """Axes along which the driving noise is independent; the body's own where they will do."""
+    off = spread - np.diag(np.diag(spread))
+    if np.abs(off).max() <= 1e-12 * max(np.abs(spread).max(), 1e-300):
+        return np.eye(3)
+    vectors: FloatArray = np.linalg.eigh(spread)[1]
+    return vectors
+
+
+def _state_kinds(model: SensorErrorModel) -> list[str]:
+    """What the states are, without IMU and channel: "random walk", "Gauss-Markov"."""
+    kinds = []
+    for name, channel in zip(model.names, model.channel, strict=True):
+        before = f"{FILTER_CHANNELS[channel]} " if channel >= 0 else "\0"
+        kinds.append(name.partition(before)[2] or name)
+    return kinds
+
+
+def _with_white(
+    model: SensorErrorModel, models: Sequence[SensorErrorModel], fusion: Fusion
+) -> SensorErrorModel:
+    white = np.stack([m.white_density for m in models])
+    density, correlation = np.zeros(6), np.tile(np.eye(3), (2, 1, 1))
+    for part, pi in enumerate((fusion.accel, fusion.gyro)):
+        covariance = (pi * white[:, 3 * part : 3 * part + 3].ravel() ** 2) @ pi.T
+        sd = np.sqrt(np.diag(covariance))
+        density[3 * part : 3 * part + 3] = sd
+        if np.all(sd > 0.0):
+            correlation[part] = covariance / np.outer(sd, sd)
+    return replace(model, white_density=density, white_correlation=correlation)
+
+
+def _check_continuous(models: Sequence[SensorErrorModel]) -> None:
+    for model in models:
+        if model.blocks or np.any(model.scaled_by >= 0):
+            raise ModelError(
+                "the error model of an array has states that exist at one sample interval only, "
+                "or that follow the motion",
+                expected="white noise, Gauss-Markov, random walk, bias instability, constants",
+                cure="leave autoregressive and scale-factor terms out for arrays",
+            )
+
+
+def noise_models_of(
+    noise_models: NoiseModel | Sequence[NoiseModel], count: int
+) -> tuple[NoiseModel, ...]:
+    """Return one noise model for each IMU.
+
+    Parameters
+    ----------
+    noise_models : NoiseModel or sequence of NoiseModel
+        One for all, or one for each.
+    count : int
+        Number of IMUs.
+
+    Returns
+    -------
+    tuple of NoiseModel
+        As many as IMUs.
+
+    Raises
+    ------
+    InputError
+        Another number of them.
+    """
+    if isinstance(noise_models, NoiseModel):
+        return (noise_models,) * count
+    if len(noise_models) != count:
+        raise InputError(
+            f"{len(noise_models)} noise models for {count} IMUs",
+            expected="one for all, or one for each",
+        )
+    return tuple(noise_models)

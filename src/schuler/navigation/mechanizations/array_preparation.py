@@ -1,0 +1,337 @@
+"""Before the first run with an array: what is known of one fused IMU, for every mechanization.
+
+Alignment, offsets of time and tuning are those of `prepare` on the fused recording; what they say
+of the constant parts of the gyros is said of every sensor by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.arrays.synthesis.fused_noise import combine_noise_models
+from schuler.data import GnssRecording, ImuRecording
+from schuler.data.array import ImuArray
+from schuler.errors import NavigationError
+from schuler.navigation.error_models.generic_noise import (
+    TURN_ON_ACCEL,
+    TURN_ON_GYRO,
+    generic_noise_model,
+)
+from schuler.navigation.error_models.sensor_error_model import sensor_error_model
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.mechanizations.array_model import (
+    Fusion,
+    extended_model,
+    fusion_of,
+    noise_models_of,
+    sensor_directions,
+    without_idle_states,
+)
+from schuler.navigation.mechanizations.array_recording import complete_array, fused_recording
+from schuler.navigation.preparation.alignment import Alignment
+from schuler.navigation.preparation.prepare import Progress, prepare
+from schuler.navigation.preparation.setup import RunSetup, SensorStart
+from schuler.noise.noise_model import NoiseModel
+from schuler.types import FloatArray
+
+EARTH_RATE = 7.3e-5
+"""The earth's rate about an unknown north stays in the mean of gyros at rest, rad/s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedArray:
+    """An array and what every mechanization needs to know of it.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Complete, cut to where it can be used.
+    recording : ImuRecording
+        The fused IMU, same stamps.
+    fusion : Fusion
+        How the sensors are added up.
+    models : tuple of SensorErrorModel
+        One for each IMU, in its own axes, as the noise models say.
+    noise_models : tuple of NoiseModel
+        One for each IMU.
+    setup : RunSetup
+        From `prepare` on the fused recording.
+    lever_arm : (3,) ndarray
+        GNSS antenna from the origin of the body, m.
+    heading : float or None
+        Of the body at the start, rad, where it was given.
+    vehicle : (3, 3) ndarray or None
+        Vehicle from body, where it was given.
+    notes : tuple of str
+        What was done to the array, in words.
+    """
+
+    array: ImuArray
+    recording: ImuRecording
+    fusion: Fusion
+    models: tuple[SensorErrorModel, ...]
+    noise_models: tuple[NoiseModel, ...]
+    setup: RunSetup
+    lever_arm: FloatArray
+    heading: float | None
+    vehicle: FloatArray | None
+    notes: tuple[str, ...]
+
+    def sensor_start(self, *, each: bool = True) -> SensorStart:
+        """Return what is known of all sensor states at the first sample.
+
+        Parameters
+        ----------
+        each : bool
+            As in the function of this name.
+
+        Returns
+        -------
+        SensorStart
+            In the order of `extended_model`.
+        """
+        return sensor_start(self.array, self.models, self.fusion, self.setup.alignment, each=each)
+
+
+def prepare_array(
+    array: ImuArray,
+    gnss: GnssRecording,
+    noise_models: NoiseModel | Sequence[NoiseModel] | None = None,
+    *,
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
+    heading: float | None = None,
+    mounting: FloatArray | None = None,
+    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
+    tune_noise: bool | None = None,
+    aiding: Sequence[str] = (),
+    turn_on_accel: float = TURN_ON_ACCEL,
+    turn_on_gyro: float = TURN_ON_GYRO,
+    progress: Progress | None = None,
+) -> PreparedArray:
+    """Align, find time offsets and noise of the fused IMU.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Two IMUs or more.
+    gnss : GnssRecording
+        Only epochs that may be looked at.
+    noise_models : NoiseModel, sequence of NoiseModel, or None
+        One for all IMUs or one for each, in their own axes; None: a generic one.
+    lever_arm, heading, mounting, time_offset, tune_noise, aiding, turn_on_accel, turn_on_gyro
+        As for `navigate`; the body takes the place of the IMU.
+    progress : callable or None
+        Called with a line of text now and then.
+
+    Returns
+    -------
+    PreparedArray
+        For `run_mechanization`.
+
+    Raises
+    ------
+    InputError
+        One IMU only, a copy, sensors that are silent.
+    NavigationError
+        As `prepare`.
+    """
+    whole, notes = complete_array(array)
+    tuned = noise_models is None if tune_noise is None else tune_noise
+    given = generic_noise_model() if noise_models is None else noise_models
+    if not isinstance(given, NoiseModel) and len(given) == array.count != whole.count:
+        kept = [array.names.index(name) for name in whole.names]
+        given = [given[i] for i in kept]
+    noises = noise_models_of(given, whole.count)
+    models = tuple(
+        without_idle_states(
+            sensor_error_model(n, turn_on_accel=turn_on_accel, turn_on_gyro=turn_on_gyro)
+        )
+        for n in noises
+    )
+    fusion = fusion_of(whole.mounting, models)
+    arm = np.asarray(lever_arm, dtype=np.float64)
+    recording, setup = prepare(
+        fused_recording(whole, fusion),
+        gnss,
+        combine_noise_models(noises, {"gyro": fusion.gyro, "accel": fusion.accel}),
+        lever_arm=arm - fusion.centre,
+        heading=heading,
+        mounting=mounting,
+        time_offset=time_offset,
+        tune_noise=tuned,
+        aiding=aiding,
+        turn_on_accel=turn_on_accel,
+        turn_on_gyro=turn_on_gyro,
+        progress=progress,
+    )
+    broken = [u for u in setup.condition.unseen if u.gap] or setup.condition.restarts
+    if broken:
+        raise NavigationError(
+            "; ".join(f.message for f in setup.condition.findings if f.kind == "gap"),
+            expected="an array recording without gaps",
+            cure="navigate the parts before and after by themselves",
+        )
+    if recording.size != whole.size:
+        after = np.nextafter(recording.time[-1], np.inf)
+        whole = whole.between(float(recording.time[0]), float(after))
+    return PreparedArray(
+        whole, recording, fusion, models, noises, setup, arm, heading, mounting, notes
+    )
+
+
+def sensor_start(
+    array: ImuArray,
+    models: Sequence[SensorErrorModel],
+    fusion: Fusion,
+    alignment: Alignment,
+    *,
+    each: bool = True,
+) -> SensorStart:
+    """Tell the biases of all gyros from the alignment.
+
+    At rest each gyro shows its own, the turn of the earth apart, which is common to all. In motion
+    the alignment found that of the fused gyro; each gets its share of it by the prior.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Complete.
+    models : sequence of SensorErrorModel
+        One for each IMU.
+    fusion : Fusion
+        How the sensors are added up.
+    alignment : Alignment
+        Of the fused IMU.
+    each : bool
+        Whether a rest tells the bias of each gyro, or of the fused one only: then the differences
+        between sensors stay what the prior says.
+
+    Returns
+    -------
+    SensorStart
+        In the order of `extended_model`.
+    """
+    extended = extended_model(models, fusion, array.names)
+    covariance = extended.initial_covariance
+    nothing = SensorStart(np.zeros(extended.size), covariance)
+    if alignment.gyro_bias_sd is None:
+        return nothing
+    if alignment.rest is None:
+        shown = np.where(extended.channel >= 3, extended.direction.T, 0.0)
+        spread = alignment.gyro_bias_sd**2 * np.eye(3)
+        return _conditioned(covariance, covariance @ shown.T, shown @ covariance @ shown.T + spread,
+                            alignment.gyro_bias)  # fmt: skip
+    mean, variance, length = _at_rest(array, alignment.rest)
+    shared, own = rest_covariances(models, length)
+    whole = own + np.diag(variance) + EARTH_RATE**2 * fusion.axes @ fusion.axes.T
+    if each:
+        return _conditioned(covariance, shared, whole, mean)
+    pi = fusion.gyro
+    return _conditioned(covariance, shared @ pi.T, pi @ whole @ pi.T, pi @ mean)
+
+
+def _conditioned(
+    prior: FloatArray, shared: FloatArray, spread: FloatArray, value: FloatArray
+) -> SensorStart:
+    """Gauss: x given a measurement with covariance `spread` that shares `shared` with x."""
+    gain = np.linalg.solve(spread, shared.T).T
+    covariance = prior - gain @ shared.T
+    return SensorStart(gain @ value, 0.5 * (covariance + covariance.T))
+
+
+def rest_covariances(
+    models: Sequence[SensorErrorModel], length: float
+) -> tuple[FloatArray, FloatArray]:
+    """What the means of all gyros over a rest have to do with the states at its start.
+
+    Parameters
+    ----------
+    models : sequence of SensorErrorModel
+        One for each IMU, states not correlated with each other.
+    length : float
+        Of the rest, s.
+
+    Returns
+    -------
+    tuple of (m, 3 k) and (3 k, 3 k) ndarray
+        Covariance of the states at the start with the means, and of the means among each other,
+        without white noise. A constant is all there; of a Gauss-Markov noise that forgets within
+        the rest little is.
+    """
+    total = sum(m.size for m in models)
+    shared, own = np.zeros((total, 3 * len(models))), np.zeros((3 * len(models),) * 2)
+    first = 0
+    for i, model in enumerate(models):
+        directions = sensor_directions(model)
+        for j in range(model.size):
+            if model.channel[j] < 3 or model.partner[j] >= 0:
+                continue
+            start = float(model.initial_covariance[j, j])
+            passed = -float(model.drift[j, 0]) * length
+            diffusion = float(model.diffusion[j, 0])
+            if passed < 1e-6:
+                kept, variance = 1.0, start + diffusion * length / 3.0
+            else:
+                kept = -np.expm1(-passed) / passed
+                stationary = diffusion * length / (2.0 * passed)
+                wander = 2.0 * (passed - 1.0 + np.exp(-passed)) / passed**2 - kept**2
+                variance = start * kept**2 + stationary * wander
+            axis = slice(3 * i, 3 * i + 3)
+            shared[first + j, axis] = start * kept * directions[j]
+            own[axis, axis] += variance * np.outer(directions[j], directions[j])
+        first += model.size
+    return shared, own
+
+
+def _at_rest(array: ImuArray, rest: tuple[float, float]) -> tuple[FloatArray, FloatArray, float]:
+    """Mean of every gyro over a rest (3 k,), the variance of its white part, and the time, s."""
+    part = slice(*np.searchsorted(array.time, rest, side="left"))
+    gyro = array.gyro[part].reshape(-1, 3 * array.count)
+    # neighbouring differences: slow changes are part of the model
+    count = gyro.shape[0]
+    white = np.mean(np.diff(gyro, axis=0) ** 2, axis=0) / 2.0
+    return gyro.mean(axis=0), white / count, count / array.rate
+
+
+def merged_start(start: SensorStart, merge: FloatArray) -> SensorStart:
+    """Turn what is known of all sensors into what is known of the fused states.
+
+    Parameters
+    ----------
+    start : SensorStart
+        Of `extended_model`.
+    merge : (f, m) ndarray
+        From `fused_model`.
+
+    Returns
+    -------
+    SensorStart
+        Of the fused model.
+    """
+    return SensorStart(merge @ start.state, merge @ start.covariance @ merge.T)
+
+
+def own_factors(setup: RunSetup, rotation: FloatArray) -> RunSetup:
+    """Turn the noise factors that were found on the body's axes to those of one IMU.
+
+    Parameters
+    ----------
+    setup : RunSetup
+        Of the fused IMU.
+    rotation : (3, 3) ndarray
+        C_bs of the IMU.
+
+    Returns
+    -------
+    RunSetup
+        With factors on its own axes.
+    """
+    square = rotation**2
+    white = setup.factors.white**2
+    own = np.sqrt(np.concatenate([white[:3] @ square, white[3:] @ square]))
+    return replace(setup, factors=replace(setup.factors, white=own))

@@ -1,0 +1,172 @@
+"""The verb `navigate`: an IMU and a GNSS recording in, a trajectory with honest uncertainty out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.data import GnssRecording, ImuRecording, NavigationSolution
+from schuler.errors import InputError
+from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
+from schuler.navigation.engine import SMOOTHER_MEMORY
+from schuler.navigation.error_models.generic_noise import (
+    TURN_ON_ACCEL,
+    TURN_ON_GYRO,
+    generic_noise_model,
+)
+from schuler.navigation.preparation.prepare import Progress, prepare
+from schuler.navigation.run import FALSE_ALARM, run
+from schuler.noise.noise_model import NoiseModel
+from schuler.types import FloatArray
+
+
+def withhold(gnss: GnssRecording, windows: Sequence[tuple[float, float]]) -> GnssRecording:
+    """Return the recording without the epochs of the given windows.
+
+    Parameters
+    ----------
+    gnss : GnssRecording
+        All epochs.
+    windows : sequence of (start, seconds)
+        Start in seconds after the first epoch; an epoch at the very end of a window is kept.
+
+    Returns
+    -------
+    GnssRecording
+        What a receiver with these outages would have given.
+
+    Raises
+    ------
+    InputError
+        A window is negative, or nothing is left.
+    """
+    since = gnss.time - gnss.time[0]
+    keep = np.ones(gnss.size, dtype=bool)
+    for start, seconds in windows:
+        if not (seconds > 0.0 and start >= 0.0):
+            raise InputError(
+                f"outage of {seconds:g} s at {start:g} s", expected="START >= 0 and SECONDS > 0"
+            )
+        keep &= ~((since >= start - 1e-6) & (since < start + seconds - 1e-6))
+    if not keep.any():
+        raise InputError("the outages leave no GNSS at all", expected="some epochs outside them")
+    return gnss.select(keep)
+
+
+def navigate(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    noise_model: NoiseModel | None = None,
+    *,
+    outages: Sequence[tuple[float, float]] = (),
+    smooth: bool | Literal["fixed-lag"] = False,
+    lag: float = 5.0,
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
+    heading: float | None = None,
+    mounting: FloatArray | None = None,
+    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
+    tune_noise: bool | None = None,
+    aiding: Sequence[str] = (),
+    false_alarm: float = FALSE_ALARM,
+    smoother_memory: float = SMOOTHER_MEMORY,
+    turn_on_accel: float = TURN_ON_ACCEL,
+    turn_on_gyro: float = TURN_ON_GYRO,
+    measurements: MeasurementOptions = PLAIN,
+    progress: Progress | None = None,
+) -> NavigationSolution:
+    """Estimate the trajectory of an IMU with loosely coupled GNSS. Spec 7.1 to 7.3, 7.8.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    gnss : GnssRecording
+        Positions, velocities if there are any, with standard deviations, on a time axis that
+        differs from the IMU's by at most a second.
+    noise_model : NoiseModel or None
+        Of the sensor, usually from a static log; None: a generic one, tuned on the drive.
+    outages : sequence of (start, seconds)
+        GNSS that is withheld from everything, alignment and tuning included; start in seconds
+        after the first GNSS epoch.
+    smooth : bool or "fixed-lag"
+        Return the smoothed solution instead of the causal one: by the whole recording (True), or
+        by what is measured up to `lag` after each moment ("fixed-lag").
+    lag : float
+        Of fixed-lag smoothing, s.
+    lever_arm : (3,) array_like
+        GNSS antenna from IMU, in IMU axes, m.
+    heading : float or None
+        Heading of the IMU's x axis at the start, rad; None: found from GNSS.
+    mounting : (3, 3) ndarray or None
+        Vehicle (forward, right, down) from IMU, where known.
+    time_offset : "estimate", float or (float, float)
+        Seconds to add to GNSS time to get IMU time, one for both or position and velocity.
+    tune_noise : bool or None
+        Whether to scale noise and receiver standard deviations by the likelihood of the drive;
+        None: only when no noise model is given.
+    aiding : sequence of str
+        What is known of the vehicle: "nhc", it has wheels and rolls along its forward axis
+        (mounting, place and slip of the rear axle, and pitch of the springs become states);
+        "zupt", it does not move while the IMU feels no motion; "wheel", together with "nhc": the
+        vibration of the wheels tells their speed, once GNSS has told their circumference.
+    false_alarm : float
+        Probability with which the innovation gate refuses a good measurement; 0: no gate.
+    smoother_memory : float
+        Bytes that may be kept for smoothing; a run that needs more is computed twice, part by
+        part, to the same numbers.
+    turn_on_accel, turn_on_gyro : float
+        Standard deviations of the constants at switch-on, m/s² and rad/s.
+    measurements : MeasurementOptions
+        How GNSS is weighted (gate, Huber, Student-t, adaptive noise), its slow errors, and other
+        sensors: heading, barometer, magnetometer.
+    progress : callable or None
+        Called with a line of text now and then.
+
+    Returns
+    -------
+    NavigationSolution
+        At the rate of the IMU, with every setting used.
+
+    Raises
+    ------
+    InputError
+        Recordings without what is needed.
+    NavigationError
+        No overlap, no heading, no mounting where it is needed, or a run that diverges.
+    """
+    if not (isinstance(smooth, bool) or smooth == "fixed-lag"):
+        raise InputError(f"smoothing '{smooth}'", expected="False, True or 'fixed-lag'")
+    used = withhold(gnss, outages) if outages else gnss
+    cut, setup = prepare(
+        imu,
+        used,
+        noise_model,
+        lever_arm=lever_arm,
+        heading=heading,
+        mounting=mounting,
+        time_offset=time_offset,
+        tune_noise=tune_noise,
+        aiding=aiding,
+        turn_on_accel=turn_on_accel,
+        turn_on_gyro=turn_on_gyro,
+        measurements=measurements,
+        progress=progress,
+    )
+    if progress is not None:
+        progress("filtering")
+    done = run(
+        cut,
+        used,
+        setup,
+        smooth=smooth is True,
+        lag=lag if smooth == "fixed-lag" else None,
+        false_alarm=false_alarm,
+        smoother_memory=smoother_memory,
+    )
+    solution = done.smoothed or done.lagged or done.causal
+    solution.settings["outages"] = [list(w) for w in outages]
+    solution.settings["noise_model"] = (noise_model or generic_noise_model()).source
+    return solution

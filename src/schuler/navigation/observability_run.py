@@ -1,0 +1,321 @@
+"""Observability along a run: its motion, the prior of its filter, what the filter learnt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from schuler import earth
+from schuler.data import GnssRecording, ImuRecording, Trajectory
+from schuler.errors import InputError
+from schuler.navigation.engine import gate_thresholds, run_engine
+from schuler.navigation.mechanizations.array_model import extended_model, fused_model
+from schuler.navigation.mechanizations.array_preparation import PreparedArray, merged_start
+from schuler.navigation.mechanizations.parity import Parity, parity_rows
+from schuler.navigation.observability import (
+    Gramian,
+    Observability,
+    Segment,
+    covariance_decay,
+    gramian,
+    observability,
+)
+from schuler.navigation.preparation.setup import RunSetup
+from schuler.navigation.run import FALSE_ALARM
+from schuler.types import FloatArray
+
+SEGMENT = 5.0
+"""Seconds over which force and attitude are averaged."""
+MOST_DIFFERENT = 5
+"""Segments of the total observability matrix."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunObservability:
+    """What a run shows of the state of its filter.
+
+    Parameters
+    ----------
+    title : str
+        Which filter.
+    matrix : Observability
+        Of the most different stretches of the run.
+    information : Gramian
+        Of the whole run, with the noise of GNSS and the prior.
+    time : (k,) ndarray
+        Seconds since the start.
+    decay : (k, s) ndarray
+        Standard deviations of the filter as shares of those at the start.
+    """
+
+    title: str
+    matrix: Observability
+    information: Gramian
+    time: FloatArray
+    decay: FloatArray
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say in words what the run shows and what it does not.
+
+        Returns
+        -------
+        tuple of str
+            Sentences.
+        """
+        names = self.matrix.names
+        last = self.decay[-1]
+        best = np.argsort(last)[:3]
+        still = [names[j] for j in range(len(names)) if last[j] > 0.9]
+        told = [
+            *self.matrix.sentences(),
+            f"Over the run the measurements outweigh the prior in {self.information.learnt} of "
+            f"{len(names)} directions.",
+            "Learnt best: "
+            + ", ".join(f"{names[j]} (to {100.0 * last[j]:.2g} % of the start)" for j in best)
+            + ".",
+        ]
+        if still:
+            shown = ", ".join(still[:6]) + (f" and {len(still) - 6} more" if len(still) > 6 else "")
+            told.append(f"Hardly learnt (above 90 % of the start): {shown}.")
+        return tuple(told)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON.
+
+        Returns
+        -------
+        dict
+            Ranks, singular values, what is learnt by state, sentences.
+        """
+        return {
+            "title": self.title,
+            "states": len(self.matrix.names),
+            "rank": self.matrix.rank,
+            "practical_rank": self.matrix.practical_rank,
+            "singular_values_relative": self.matrix.relative.tolist(),
+            "unseen_share": dict(
+                zip(self.matrix.names, self.matrix.unseen_share.tolist(), strict=True)
+            ),
+            "information_over_prior": self.information.information.tolist(),
+            "directions_learnt": self.information.learnt,
+            "final_share_of_initial_sd": dict(
+                zip(self.matrix.names, self.decay[-1].tolist(), strict=True)
+            ),
+            "sentences": list(self.sentences()),
+        }
+
+
+def segments_of(trajectory: Trajectory, length: float = SEGMENT) -> tuple[Segment, ...]:
+    """Cut a run into stretches and take the mean force and the attitude of each.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Of the body.
+    length : float
+        Seconds.
+
+    Returns
+    -------
+    tuple of Segment
+        In the order of time.
+
+    Raises
+    ------
+    InputError
+        The run is shorter than one stretch.
+    """
+    time = trajectory.time
+    count = int((time[-1] - time[0]) / length)
+    if count < 1:
+        raise InputError(f"a run of {time[-1] - time[0]:.1f} s", expected=f"at least {length:g} s")
+    edges = np.searchsorted(time, time[0] + length * np.arange(count + 1))
+    edges = np.minimum(edges, time.size - 1)
+    made = []
+    for a, b in pairwise(edges):
+        middle = (a + b) // 2
+        span = float(time[b] - time[a])
+        position = trajectory.position[middle]
+        pull = np.array([0.0, 0.0, float(earth.gravity(position[0], position[2]))])
+        force = (trajectory.velocity[b] - trajectory.velocity[a]) / span - pull
+        rate = earth.earth_rate_ned(position[0]) + earth.transport_rate_ned(
+            position, trajectory.velocity[middle]
+        )
+        made.append(Segment(force, trajectory.rotation[middle], span, np.asarray(rate)))
+    return tuple(made)
+
+
+def most_different(
+    segments: tuple[Segment, ...], count: int = MOST_DIFFERENT
+) -> tuple[Segment, ...]:
+    """Choose the stretches that differ most in force and attitude, in the order of time.
+
+    Parameters
+    ----------
+    segments : tuple of Segment
+        Of a run.
+    count : int
+        How many at most.
+
+    Returns
+    -------
+    tuple of Segment
+        The first one, then always the one farthest from those chosen.
+    """
+    feature = np.array([np.concatenate([s.force / 9.8, s.rotation.ravel()]) for s in segments])
+    chosen = [0]
+    while len(chosen) < min(count, len(segments)):
+        away = np.min([np.linalg.norm(feature - feature[c], axis=1) for c in chosen], axis=0)
+        if away.max() < 1e-3:
+            break
+        chosen.append(int(np.argmax(away)))
+    return tuple(segments[c] for c in sorted(chosen))
+
+
+def observe(
+    title: str,
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    *,
+    parity: FloatArray | None = None,
+    segments: tuple[Segment, ...] | None = None,
+) -> RunObservability:
+    """Filter a run and analyse what it shows of the state.
+
+    Parameters
+    ----------
+    title : str
+        Which filter, for people.
+    imu : ImuRecording
+        From `prepare`.
+    gnss : GnssRecording
+        Epochs to use.
+    setup : RunSetup
+        From `prepare`.
+    parity : (r, 9 + m) ndarray or None
+        Rows of a parity update, whitened for one second.
+    segments : tuple of Segment or None
+        Stretches to analyse; None: from the filtered trajectory.
+
+    Returns
+    -------
+    RunObservability
+        Ranks, information and decay.
+    """
+    initial = setup.initial_state(imu, gnss)
+    run = run_engine(
+        imu,
+        initial,
+        setup.model,
+        setup.schedule(imu, gnss),
+        gate=gate_thresholds(FALSE_ALARM),
+        white_scale=setup.white_scale(imu),
+        keep_nodes=False,
+        node_interval=1e9,
+    )
+    if segments is None:
+        path = Trajectory(
+            imu.time, run.samples.position, run.samples.velocity, run.samples.rotation
+        )
+        segments = segments_of(path)
+    # the prior of the filter at the start, biases seen at rest included
+    model = replace(setup.model, initial_covariance=initial.covariance[9:, 9:])
+    node = np.clip(np.searchsorted(imu.time, run.nodes.time - 1e-9), 0, imu.size - 1)
+    samples = run.samples
+    deviations = np.hstack(
+        [
+            np.sqrt(np.einsum("kii->ki", samples.position_covariance[node])),
+            samples.velocity_sd[node],
+            samples.attitude_sd[node],
+            run.nodes.sensor_sd,
+        ]
+    )
+    # before the first measurement
+    deviations[0] = np.sqrt(np.diag(initial.covariance))
+    assert gnss.position_sd is not None
+    finite = gnss.position_sd[np.isfinite(gnss.position_sd)]
+    sd = float(np.median(finite)) * setup.factors.position_sd if finite.size else 1.0
+    return RunObservability(
+        title=title,
+        matrix=observability(
+            setup.model, most_different(segments), rows=parity, velocity=gnss.velocity is not None
+        ),
+        information=gramian(
+            model, segments, initial.covariance, position_sd=sd, rows=parity,
+            interval=max(1.0, float(np.median(np.diff(gnss.time))) if gnss.size > 1 else 1.0),
+        ),
+        time=run.nodes.time - run.nodes.time[0],
+        decay=covariance_decay(deviations),
+    )  # fmt: skip
+
+
+def observe_array(prepared: PreparedArray, gnss: GnssRecording) -> tuple[RunObservability, ...]:
+    """Analyse the synthetic and the extended filter of an array, without and with parity.
+
+    Parameters
+    ----------
+    prepared : PreparedArray
+        From `prepare_array`.
+    gnss : GnssRecording
+        Epochs to use.
+
+    Returns
+    -------
+    tuple of RunObservability
+        Three.
+    """
+    setup = prepared.setup
+    start, fused_only = (prepared.sensor_start(each=e) for e in (True, False))
+    fused, merge = fused_model(prepared.models, prepared.fusion)
+    wide = extended_model(prepared.models, prepared.fusion, prepared.array.names)
+    synthetic = replace(
+        setup,
+        model=setup.factors.applied(fused),
+        sensor_start=merged_start(fused_only, merge),
+        vehicle=None,
+    )
+    extended = replace(
+        setup, model=setup.factors.applied(wide), sensor_start=fused_only, vehicle=None
+    )
+    source = Parity(prepared.array, prepared.fusion, prepared.models, wide.size)
+    rows = np.vstack(parity_rows(prepared.models, prepared.fusion, wide.size))
+    rows = np.hstack([np.zeros((rows.shape[0], 9)), rows])
+    first = observe("synthetic", prepared.recording, gnss, synthetic)
+    return (
+        first,
+        observe("extended, without parity", prepared.recording, gnss, extended),
+        observe(
+            "extended, with parity",
+            prepared.recording,
+            gnss,
+            replace(extended, sensor_start=start, sources=(source,)),
+            parity=rows,
+        ),
+    )
+
+
+def observed_states(result: RunObservability) -> list[tuple[str, float, float]]:
+    """Return name, unseen share and final share of the initial sd of every state.
+
+    Parameters
+    ----------
+    result : RunObservability
+        Of a run.
+
+    Returns
+    -------
+    list of (str, float, float)
+        In the order of the state.
+    """
+    return list(
+        zip(
+            result.matrix.names,
+            result.matrix.unseen_share.tolist(),
+            result.decay[-1].tolist(),
+            strict=True,
+        )
+    )

@@ -1,0 +1,1 @@
+"""Before the first run: alignment, time offsets, mounting, gaps and restarts."""

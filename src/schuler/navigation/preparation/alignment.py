@@ -1,0 +1,363 @@
+"""Where a run starts: level from gravity at rest, heading from the first motion seen by GNSS.
+
+Spec 7.7 and Groves, 2nd ed., section 5.6. The heading needs no mounting angle: the accelerations
+that the levelled IMU felt are turned about the vertical until they match the velocity changes
+that GNSS saw. A course alone would need the mounting, and is wrong while the vehicle turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import NavigationError
+from schuler.navigation.engine import InitialState
+from schuler.navigation.preparation.dead_reckoning import dead_reckon
+from schuler.navigation.preparation.moving_start import (
+    MOTION_GYRO_SD,
+    MOTION_TILT_SD,
+    attitude_history,
+    forgiving_model,
+    settle_heading,
+    start_in_motion,
+    velocity_doubt,
+)
+from schuler.navigation.preparation.rest import (
+    REST_GYRO,
+    find_initial_rest,
+    level_from_gravity,
+    moves,
+)
+from schuler.rotations import dcm_from_euler
+from schuler.types import FloatArray
+
+# seconds of motion used for the heading, tried in turn
+MATCH_LENGTHS = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
+# a heading known worse than this (rad) is no start
+WORST_HEADING = np.radians(10.0)
+# velocity changes are compared over this time (s)
+MATCH_SPAN = 2.0
+# standard deviation of heading (rad) that is good enough to stop looking further
+GOOD_HEADING = np.radians(1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alignment:
+    """Attitude at the first IMU sample and how well it is known.
+
+    Parameters
+    ----------
+    rotation : (3, 3) ndarray
+        C_nb at the first sample.
+    tilt_sd, heading_sd : float
+        Standard deviations in rad.
+    gyro_bias : (3,) ndarray
+        Mean rate at rest less the earth's, rad/s; zero without rest.
+    gyro_bias_sd : float or None
+        Its standard deviation; None without rest.
+    rest : tuple of float or None
+        Start and end of the rest at the beginning, s.
+    method : str
+        How it was found, for people.
+    velocity : (3,) ndarray
+        North, east, down at the first sample, m/s.
+    """
+
+    rotation: FloatArray
+    tilt_sd: float
+    heading_sd: float
+    gyro_bias: FloatArray
+    gyro_bias_sd: float | None
+    rest: tuple[float, float] | None
+    method: str
+    velocity: FloatArray
+
+
+def align(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    *,
+    velocity_offset: float = 0.0,
+    heading: float | None = None,
+    mounting: FloatArray | None = None,
+    lever_arm: FloatArray | None = None,
+) -> Alignment:
+    """Find the attitude at the first sample.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    gnss : GnssRecording
+        Only epochs that may be looked at.
+    velocity_offset : float
+        Added to GNSS time to put its velocity on the IMU's axis, s.
+    heading : float or None
+        Heading of the IMU's x axis at the first sample, rad; None: from GNSS.
+    mounting : (3, 3) ndarray or None
+        Vehicle from IMU; when given, a course over ground can serve where the velocity changes
+        are too small.
+    lever_arm : (3,) ndarray or None
+        Antenna from IMU, m; None: zero.
+
+    Returns
+    -------
+    Alignment
+        Attitude at the first sample.
+
+    Raises
+    ------
+    NavigationError
+        Nothing tells the heading.
+    """
+    rest = find_initial_rest(imu, gnss)
+    if heading is not None:
+        if rest is None:
+            raise NavigationError(
+                "a heading was given, but the IMU is not at rest at the start",
+                expected="two seconds at rest for levelling",
+                cure="leave the heading out: it is then found in motion",
+                where=imu.name,
+            )
+        level, bias, bias_sd = _at_rest(imu, gnss, rest)
+        yaw = heading - np.arctan2(level[1, 0], level[0, 0])
+        return Alignment(
+            rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
+            tilt_sd=_tilt_sd(),
+            heading_sd=np.radians(2.0),
+            gyro_bias=bias,
+            gyro_bias_sd=bias_sd,
+            rest=rest,
+            method="levelled at rest, heading given",
+            velocity=np.zeros(3),
+        )
+    if gnss.velocity is None:
+        gnss = _with_velocity_from_position(gnss)
+    arm = np.zeros(3) if lever_arm is None else lever_arm
+    if rest is None:
+        return _align_in_motion(imu, gnss, velocity_offset, mounting, arm)
+    level, bias, bias_sd = _at_rest(imu, gnss, rest)
+    yaw, heading_sd, method = _heading_from_motion(
+        imu, gnss, rest, level, bias, velocity_offset, mounting, arm
+    )
+    return Alignment(
+        rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
+        tilt_sd=_tilt_sd(),
+        heading_sd=heading_sd,
+        gyro_bias=bias,
+        gyro_bias_sd=bias_sd,
+        rest=rest,
+        method=f"levelled over {rest[1] - rest[0]:.0f} s at rest, {method}",
+        velocity=np.zeros(3),
+    )
+
+
+def _tilt_sd() -> float:
+    # accelerometer biases of 10 to 30 mg turn into this much tilt
+    return float(np.radians(1.0))
+
+
+def _at_rest(
+    imu: ImuRecording, gnss: GnssRecording, rest: tuple[float, float]
+) -> tuple[FloatArray, FloatArray, float]:
+    part = slice(*np.searchsorted(imu.time, [rest[0], rest[1]], side="left"))
+    level = level_from_gravity(imu.accel[part].mean(axis=0))
+    gyro = imu.gyro[part]
+    block = max(round(imu.rate), 1)
+    count = gyro.shape[0] // block
+    means = gyro[: count * block].reshape(count, block, 3).mean(axis=1)
+    spread = float(means.std(axis=0, ddof=1).max()) if count > 1 else REST_GYRO
+    # the earth's rate about unknown north: 15 deg/h at most stays in the bias
+    return level, gyro.mean(axis=0), float(np.hypot(spread / np.sqrt(count), 7.3e-5))
+
+
+def _heading_from_motion(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    rest: tuple[float, float],
+    level: FloatArray,
+    bias: FloatArray,
+    offset: float,
+    mounting: FloatArray | None,
+    lever_arm: FloatArray,
+) -> tuple[float, float, str]:
+    """Angle about the vertical that takes the levelled frame to north."""
+    assert gnss.velocity is not None
+    moving = np.flatnonzero((gnss.time + offset > rest[1]) & moves(gnss))
+    if not moving.size:
+        raise NavigationError(
+            "GNSS shows no motion after the rest at the start, so nothing tells the heading",
+            expected="a run in which the vehicle moves",
+            cure="give the heading with --heading",
+            where=gnss.name,
+        )
+    begin = float(gnss.time[moving[0]]) + offset - 3.0
+    # from the end of the rest, as the vehicle may turn before GNSS is there to see it
+    first = max(rest[0], min(begin, rest[1] - 1.0))
+    part = _without_bias(imu.between(first, begin + MATCH_LENGTHS[-1] + 5.0), bias)
+    near = int(np.argmin(np.abs(gnss.time + offset - first)))
+    _, velocity, rotation = dead_reckon(part, gnss.position[near], np.zeros(3), level)
+    best: tuple[float, float] | None = None
+    for length in MATCH_LENGTHS:
+        found = _match_velocity_changes(part, velocity, gnss, offset, begin, begin + length)
+        if found is not None and (best is None or found[1] < best[1]):
+            best = found
+        if best is not None and best[1] < GOOD_HEADING:
+            break
+    if best is not None and best[1] < WORST_HEADING:
+        return best[0], max(best[1], np.radians(0.5)), "heading from the first velocity changes"
+    after = _without_bias(imu.between(first, np.inf), bias)
+    begin_at = _rest_starts(level, gnss.position[near])
+    extra = velocity_doubt(gnss, lever_arm)
+    found_late, stretch = settle_heading(after, gnss, begin_at, lever_arm, offset, extra)
+    if found_late.sd < WORST_HEADING:
+        text = f"heading by hypotheses over {stretch.duration:.0f} s"
+        return found_late.mean, max(found_late.sd, np.radians(1.5)), text
+    if mounting is not None:
+        yaw, sd = _heading_from_course(part, rotation, gnss, offset, mounting)
+        return yaw, sd, "heading from the first GNSS course"
+    raise NavigationError(
+        "the first three minutes of motion do not tell the heading to 10 deg",
+        expected="a start, a brake or a turn in that time",
+        cure="give the heading with --heading, or the mounting of the IMU in the vehicle",
+        where=gnss.name,
+    )
+
+
+def _rest_starts(level: FloatArray, position: FloatArray) -> Callable[[float], InitialState]:
+    """Initial state at rest for a heading of the levelled frame."""
+    model = forgiving_model()
+    covariance = np.zeros((9 + model.size, 9 + model.size))
+    sd = [10.0, 10.0, 15.0, 0.1, 0.1, 0.1, _tilt_sd(), _tilt_sd(), 1e-3]
+    covariance[:9, :9] = np.diag(np.square(sd))
+    covariance[9:, 9:] = model.initial_covariance
+    for axis in range(3):
+        # the mean rate at rest has been taken off
+        place = 9 + model.constant_states(3 + axis)[0]
+        covariance[place, place] = np.radians(0.05) ** 2
+    return lambda heading: InitialState(
+        position.copy(),
+        np.zeros(3),
+        dcm_from_euler(0.0, 0.0, heading) @ level,
+        np.zeros(model.size),
+        covariance,
+    )
+
+
+def _match_velocity_changes(
+    part: ImuRecording,
+    velocity: FloatArray,
+    gnss: GnssRecording,
+    offset: float,
+    start: float,
+    stop: float,
+) -> tuple[float, float] | None:
+    assert gnss.velocity is not None
+    time = gnss.time + offset
+    inside = (time > max(start, part.time[0])) & (time < min(stop, part.time[-1]))
+    epochs, seen = time[inside], gnss.velocity[inside]
+    later = np.searchsorted(epochs, epochs + MATCH_SPAN - 1e-3)
+    first = np.flatnonzero(later < epochs.size)
+    second = later[first]
+    close = epochs[second] - epochs[first] < 2.0 * MATCH_SPAN
+    first, second = first[close], second[close]
+    if first.size < 4:
+        return None
+    felt = np.column_stack([np.interp(epochs, part.time, velocity[:, i]) for i in (0, 1)])
+    a = (felt[second] - felt[first]) @ np.array([1.0, 1.0j])
+    b = (seen[second, :2] - seen[first, :2]) @ np.array([1.0, 1.0j])
+    product = np.sum(np.conj(a) * b)
+    power = np.sum(np.abs(a) ** 2)
+    if power <= 0.0:
+        return None
+    yaw = float(np.angle(product))
+    left = b - np.exp(1j * yaw) * a
+    # neighbouring differences overlap, so fewer of them are independent
+    overlap = max(1.0, first.size * MATCH_SPAN / max(epochs[-1] - epochs[0], MATCH_SPAN))
+    return yaw, float(np.sqrt(overlap * np.mean(np.abs(left) ** 2) / power))
+
+
+def _heading_from_course(
+    part: ImuRecording,
+    rotation: FloatArray,
+    gnss: GnssRecording,
+    offset: float,
+    mounting: FloatArray,
+) -> tuple[float, float]:
+    assert gnss.velocity is not None
+    time = gnss.time + offset
+    fast = np.linalg.norm(gnss.velocity[:, :2], axis=1) > 2.0
+    pick = np.flatnonzero(fast & (time > part.time[0]) & (time < part.time[-1]))
+    if not pick.size:
+        raise NavigationError(
+            "GNSS is never faster than 2 m/s in the first minute of motion",
+            expected="a course over ground",
+            cure="give the heading with --heading",
+            where=gnss.name,
+        )
+    nearest = np.clip(np.searchsorted(part.time, time[pick]), 0, part.size - 1)
+    forward = rotation[nearest] @ mounting[0]
+    course = gnss.velocity[pick, :2] @ np.array([1.0, 1.0j])
+    turn = course * np.conj(forward[:, 0] + 1j * forward[:, 1])
+    mean = np.sum(turn)
+    spread = np.angle(turn * np.conj(mean))
+    return float(np.angle(mean)), float(max(np.sqrt(np.mean(spread**2)), np.radians(3.0)))
+
+
+def _align_in_motion(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    offset: float,
+    mounting: FloatArray | None,
+    lever_arm: FloatArray,
+) -> Alignment:
+    """Attitude by hypotheses; where they do not tell, the course, if the mounting is known."""
+    start = start_in_motion(imu, gnss, offset, lever_arm)
+    rotation, heading_sd = start.rotation, start.heading_sd
+    method = f"in motion, heading by hypotheses over {start.seconds:.0f} s"
+    if heading_sd > WORST_HEADING:
+        if mounting is None:
+            raise NavigationError(
+                "no rest at the start, and too little acceleration to find the attitude in motion "
+                f"(heading known to {np.degrees(heading_sd):.0f} deg)",
+                expected="two seconds at rest, or a start, brake or turn in the first minutes",
+                cure="cut the recording so that it starts at rest, or give the mounting of the "
+                "IMU in the vehicle with --mounting",
+                where=imu.name,
+            )
+        still = start.levelled
+        step = np.diff(still.time, prepend=still.time[0])[:, None]
+        turned = rotation @ attitude_history(still.gyro * step)
+        yaw, heading_sd = _heading_from_course(still, turned, gnss, offset, mounting)
+        rotation = dcm_from_euler(0.0, 0.0, yaw) @ rotation
+        method = "in motion, levelled over the first 20 s, heading from the GNSS course"
+    return Alignment(
+        rotation=rotation,
+        tilt_sd=float(MOTION_TILT_SD),
+        heading_sd=float(max(heading_sd, np.radians(1.5))),
+        gyro_bias=start.gyro_bias,
+        gyro_bias_sd=float(MOTION_GYRO_SD),
+        rest=None,
+        method=method,
+        velocity=start.velocity,
+    )
+
+
+def _without_bias(imu: ImuRecording, bias: FloatArray) -> ImuRecording:
+    from dataclasses import replace
+
+    return replace(imu, gyro=imu.gyro - bias)
+
+
+def _with_velocity_from_position(gnss: GnssRecording) -> GnssRecording:
+    """Central differences of position; only for alignment."""
+    from dataclasses import replace
+
+    from schuler.earth import ned_from_geodetic
+
+    local = ned_from_geodetic(gnss.position, gnss.position[0])
+    velocity = np.gradient(local, gnss.time, axis=0) if gnss.size > 1 else np.zeros((1, 3))
+    return replace(gnss, velocity=velocity, velocity_sd=np.full((gnss.size, 3), 0.5))

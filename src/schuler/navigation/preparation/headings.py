@@ -1,0 +1,203 @@
+"""Heading at the start by hypotheses: one filter for every heading, judged by its innovations.
+
+Where a vehicle hardly accelerates, velocity changes and tilt, biases and heading explain the same
+data, and only a filter that knows how large each may be can tell them apart. So the first stretch
+of a run is filtered again and again, each time from another heading that is taken for true, with
+everything else uncertain. The likelihoods of the innovations are the likelihood of the heading,
+without any linearisation in it; its mean and standard deviation over the circle are the answer,
+however wide, and two headings that explain the data alike show as a large deviation.
+
+Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, section
+11.6.2 (static multiple models).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.navigation.aiding.gnss import AidingSchedule, GnssVelocity, merge_schedules
+from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.types import FloatArray
+
+COARSE = 24
+"""Headings around the circle."""
+FINE = 8
+"""Headings on either side of the best one, at every refinement."""
+PEAK = 1.0
+"""Refining ends when neighbours of the best heading are this close in log-likelihood."""
+LEVELS = 6
+RECORD = 20.0
+"""Samples a second that are filtered."""
+SPACING = 1.0
+"""Seconds between fixes: those of one second share their errors."""
+UNKNOWN_SD = 0.3
+"""Of a velocity whose deviation the receiver does not tell, m/s."""
+OUTLYING = 4.0
+"""Innovations beyond so many standard deviations count with a Cauchy tail."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeadingPosterior:
+    """What the innovations tell of the heading of the levelled frame at the first sample.
+
+    Parameters
+    ----------
+    mean : float
+        Circular mean, rad.
+    sd : float
+        Root of the mean square deviation from it, rad; 1.8 where nothing is known.
+    heading, log_likelihood : (k,) ndarray
+        What was tried, in order of heading, and how well it did.
+    misfit : float
+        Mean square of the normalised innovations of the best one.
+    """
+
+    mean: float
+    sd: float
+    heading: FloatArray
+    log_likelihood: FloatArray
+    misfit: float
+
+
+def judge_headings(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    model: SensorErrorModel,
+    start: Callable[[float], InitialState],
+    *,
+    lever_arm: FloatArray,
+    velocity_offset: float = 0.0,
+    velocity_sd: FloatArray | None = None,
+) -> HeadingPosterior:
+    """Filter a stretch from every heading and return what the likelihoods say.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The stretch, from the sample at which the heading is asked for.
+    gnss : GnssRecording
+        With velocity. Positions would add little but their slow errors.
+    model : SensorErrorModel
+        Of the IMU; rather too forgiving than too sure.
+    start : callable
+        Initial state for a heading (rad); its heading should be sure.
+    lever_arm : (3,) ndarray
+        Antenna from IMU, m.
+    velocity_offset : float
+        Added to the time of GNSS, s.
+    velocity_sd : (n,) ndarray or None
+        Added to the standard deviations of the velocity at every epoch, for what stamps and lever
+        arm may be off, m/s.
+
+    Returns
+    -------
+    HeadingPosterior
+        Over the whole circle.
+    """
+    from schuler.navigation.tuning.likelihood import InnovationSequence
+
+    slow, schedule = stretch_to_filter(imu, gnss, lever_arm, velocity_offset, velocity_sd)
+
+    def innovations(heading: float) -> InnovationSequence:
+        scalar = run_engine(
+            slow,
+            start(heading),
+            model,
+            schedule,
+            gate=gate_thresholds(0.0),
+            keep_samples=False,
+            keep_nodes=False,
+            node_interval=1e9,
+        ).aiding.scalar.reshape(-1, 2)
+        used = scalar[:, 1] > 0.0
+        return InnovationSequence(scalar[used, 0], scalar[used, 1])
+
+    tried: dict[float, float] = {}
+    misfits: dict[float, float] = {}
+
+    def judge(heading: float) -> None:
+        if heading not in tried:
+            found = innovations(heading)
+            tried[heading] = found.log_likelihood
+            square = np.minimum(found.value**2 / found.variance, OUTLYING**2)
+            misfits[heading] = float(np.mean(square)) if square.size else 1.0
+
+    step = 2.0 * np.pi / COARSE
+    for k in range(COARSE):
+        judge(-np.pi + k * step)
+    for _ in range(LEVELS):
+        best = max(tried, key=lambda h: tried[h])
+        worth = max(misfits[best], 1.0)
+        near = sorted(tried, key=lambda h: abs(_wrapped(h - best)))[1:3]
+        if all(tried[best] - tried[h] < PEAK * worth for h in near):
+            break
+        step /= FINE / 2
+        for k in range(-FINE, FINE + 1):
+            if k:
+                judge(_wrapped(best + k * step))
+    best = max(tried, key=lambda h: tried[h])
+    heading = np.array(sorted(tried))
+    value = np.array([tried[h] for h in heading])
+    misfit = misfits[best]
+    mean, sd = _moments(heading, (value - value.max()) / max(misfit, 1.0))
+    return HeadingPosterior(mean, sd, heading, value, misfit)
+
+
+def stretch_to_filter(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    lever_arm: FloatArray,
+    velocity_offset: float,
+    velocity_sd: FloatArray | None,
+) -> tuple[ImuRecording, AidingSchedule]:
+    """Return the stretch at a low rate, and one velocity a second.
+
+    Parameters
+    ----------
+    imu, gnss, lever_arm, velocity_offset, velocity_sd
+        As for `judge_headings`.
+
+    Returns
+    -------
+    tuple of ImuRecording and AidingSchedule
+        For `run_engine`.
+    """
+    from schuler.navigation.tuning.likelihood import slower_imu, thin
+
+    assert gnss.velocity_sd is not None
+    sd = np.where(np.isnan(gnss.velocity_sd), UNKNOWN_SD, gnss.velocity_sd)
+    if velocity_sd is not None:
+        sd = np.hypot(sd, velocity_sd[:, None])
+    slow, few = slower_imu(imu, RECORD), thin(replace(gnss, velocity_sd=sd), SPACING)
+    velocity = GnssVelocity(few, lever_arm, velocity_offset)
+    return slow, merge_schedules([velocity.rows()], float(slow.time[0]), float(slow.time[-1]))
+
+
+def _wrapped(angle: float) -> float:
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def _moments(heading: FloatArray, log_likelihood: FloatArray) -> tuple[float, float]:
+    """Circular mean and root mean square deviation, by trapezoids around the circle.
+
+    Between two headings the logarithm is taken as linear: its integral is exact then.
+    """
+    around = np.append(heading, heading[0] + 2.0 * np.pi)
+    fine = []
+    weight = []
+    values = np.append(log_likelihood, log_likelihood[0])
+    share = (np.arange(20) + 0.5) / 20
+    for a, b, la, lb in zip(around[:-1], around[1:], values[:-1], values[1:], strict=True):
+        fine.append(a + share * (b - a))
+        weight.append(np.exp(la + share * (lb - la)) * (b - a) / 20)
+    angle, mass = np.concatenate(fine), np.concatenate(weight)
+    mean = float(np.angle(np.sum(mass * np.exp(1j * angle))))
+    off = (angle - mean + np.pi) % (2.0 * np.pi) - np.pi
+    mean = _wrapped(mean + float(np.sum(mass * off) / mass.sum()))
+    off = (angle - mean + np.pi) % (2.0 * np.pi) - np.pi
+    return mean, float(np.sqrt(np.sum(mass * off**2) / mass.sum()))

@@ -1,0 +1,358 @@
+"""Where a run starts that begins in motion: level and biases from means, heading by hypotheses.
+
+The gyros' bias is what is left of their mean when the turn of the course is taken off: over tens
+of seconds a vehicle turns about the vertical only. The mean force, turned into the axes of the
+first sample, points where gravity and the change of velocity say. The heading is then judged by
+filters that start from every one (preparation/headings.py), over as long a stretch as it takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import NavigationError
+from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigation.error_models.generic_noise import (
+    TURN_ON_ACCEL,
+    TURN_ON_GYRO,
+    generic_noise_model,
+)
+from schuler.navigation.error_models.sensor_error_model import sensor_error_model
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.preparation.headings import (
+    HeadingPosterior,
+    judge_headings,
+    stretch_to_filter,
+)
+from schuler.navigation.preparation.rest import level_from_gravity
+from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector
+from schuler.types import FloatArray
+
+LEVELLING = 20.0
+"""Seconds over which level and biases are averaged."""
+ROUNDS = 4
+"""Of bias from level and level from bias."""
+STRETCHES = (20.0, 40.0, 60.0, 90.0, 120.0, 180.0)
+"""Seconds of motion in which the heading is looked for, tried in turn."""
+ENOUGH = np.radians(2.0)
+"""Standard deviation of heading at which no longer stretch is tried."""
+MOTION_GYRO_SD = np.radians(0.5)
+"""Of gyro biases found in motion, rad/s: slopes and leans of the vehicle over the stretch."""
+MOTION_TILT_SD = np.radians(3.0)
+FORGIVING = 2.0
+"""On the white noise of a generic sensor: engines and roads shake it."""
+STAMPS = 0.2
+"""Seconds that stamps may be off before anybody has looked for it."""
+KNOWN_ARM = 0.2
+UNKNOWN_ARM = 1.5
+"""Metres that a lever arm may be off where one was given, and where none was."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovingStart:
+    """Attitude at the first sample of a run that begins in motion.
+
+    Parameters
+    ----------
+    rotation : (3, 3) ndarray
+        C_nb.
+    heading_sd : float
+        Its standard deviation, rad.
+    gyro_bias : (3,) ndarray
+        Mean rate less the turn of the course, rad/s.
+    velocity : (3,) ndarray
+        North, east, down, m/s.
+    seconds : float
+        Length of the stretch that told it.
+    levelled : ImuRecording
+        The first seconds, the biases of the gyros taken off.
+    """
+
+    rotation: FloatArray
+    heading_sd: float
+    gyro_bias: FloatArray
+    velocity: FloatArray
+    seconds: float
+    levelled: ImuRecording
+
+
+def start_in_motion(
+    imu: ImuRecording, gnss: GnssRecording, offset: float, lever_arm: FloatArray
+) -> MovingStart:
+    """Find attitude and biases at the first sample.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    gnss : GnssRecording
+        With velocity.
+    offset : float
+        Added to GNSS time to put its velocity on the IMU's axis, s.
+    lever_arm : (3,) ndarray
+        Antenna from IMU, m.
+
+    Returns
+    -------
+    MovingStart
+        Its heading may be known badly: the deviation says so.
+
+    Raises
+    ------
+    NavigationError
+        Too little GNSS at the beginning.
+    """
+    assert gnss.velocity is not None
+    window = imu.between(float(imu.time[0]), float(imu.time[0]) + LEVELLING)
+    time = gnss.time + offset
+    inside = (time > window.time[0]) & (time < window.time[-1])
+    if inside.sum() < 4:
+        raise NavigationError(
+            f"less than four GNSS epochs in the first {LEVELLING:.0f} s, and no rest at the start",
+            expected="GNSS velocities from the start, or two seconds at rest",
+            cure="cut the recording to where GNSS is there",
+            where=gnss.name,
+        )
+    level, bias, levelled = _level_and_bias(window, time[inside], gnss, inside)
+    first = int(np.argmax(inside))
+    start = _starts(level, bias, gnss, first, window)
+    extra = velocity_doubt(gnss, lever_arm)
+    found, part = settle_heading(imu, gnss, start, lever_arm, offset, extra)
+    rotation, bias = _looking_back(part, gnss, start, found, lever_arm, offset, extra)
+    return MovingStart(
+        rotation=rotation,
+        heading_sd=float(np.hypot(found.sd, np.radians(0.5))),
+        gyro_bias=bias,
+        velocity=gnss.velocity[first].copy(),
+        seconds=part.duration,
+        levelled=levelled,
+    )
+
+
+def settle_heading(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    start: Callable[[float], InitialState],
+    lever_arm: FloatArray,
+    offset: float,
+    velocity_sd: FloatArray,
+) -> tuple[HeadingPosterior, ImuRecording]:
+    """Judge headings over longer and longer stretches until one is known well enough.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        From the sample at which the heading is asked for.
+    gnss, start, lever_arm
+        As for `judge_headings`.
+    offset : float
+        Added to the time of GNSS, s.
+    velocity_sd : (n,) ndarray
+        Added to the standard deviations of the velocity, m/s.
+
+    Returns
+    -------
+    tuple of HeadingPosterior and ImuRecording
+        What the last stretch told, and the stretch.
+    """
+    found: HeadingPosterior | None = None
+    part = imu
+    for stretch in STRETCHES:
+        longer = imu.between(float(imu.time[0]), float(imu.time[0]) + stretch)
+        if found is not None and longer.duration < 1.2 * part.duration:
+            break
+        part = longer
+        found = judge_headings(
+            part,
+            gnss,
+            forgiving_model(),
+            start,
+            lever_arm=lever_arm,
+            velocity_offset=offset,
+            velocity_sd=velocity_sd,
+        )
+        if found.sd < ENOUGH:
+            break
+    assert found is not None
+    return found, part
+
+
+def _level_and_bias(
+    window: ImuRecording, epochs: FloatArray, gnss: GnssRecording, inside: NDArray[np.bool_]
+) -> tuple[Callable[[float], FloatArray], FloatArray, ImuRecording]:
+    """Attitude for a heading of the levelled frame, bias of the gyros, recording without it."""
+    from schuler.earth import gravity
+
+    assert gnss.velocity is not None
+    seen = gnss.velocity[inside]
+    near = gnss.position[int(np.argmax(inside))]
+    pull = np.array([0.0, 0.0, float(gravity(near[0], near[2]))])
+    # what the accelerometers should feel on average, in north-east-down
+    force = (seen[-1] - seen[0]) / (epochs[-1] - epochs[0]) - pull
+    rate, turn = mean_rates(window, epochs, seen)
+    down = -window.accel.mean(axis=0)
+    down /= np.linalg.norm(down)
+    step = np.diff(window.time, prepend=window.time[0])[:, None]
+    felt = -down
+    for _ in range(ROUNDS):
+        bias = rate - down * turn
+        turned = attitude_history((window.gyro - bias) * step)
+        felt = np.einsum("kij,kj->i", turned, window.accel * step) / step.sum()
+        # down of the first sample, seen from every sample: the mean is what turns with the course
+        down = np.einsum("kij,i->j", turned, -felt / np.linalg.norm(felt)) / turned.shape[0]
+        down /= np.linalg.norm(down)
+    level = level_from_gravity(felt)
+
+    def attitude(heading: float) -> FloatArray:
+        flat = dcm_from_euler(0.0, 0.0, heading) @ level
+        a, b = flat @ felt, force
+        axis = np.cross(a / np.linalg.norm(a), b / np.linalg.norm(b))
+        return np.asarray(dcm_from_rotation_vector(axis) @ flat)
+
+    return attitude, bias, replace(window, gyro=window.gyro - bias)
+
+
+def _starts(
+    attitude: Callable[[float], FloatArray],
+    bias: FloatArray,
+    gnss: GnssRecording,
+    first: int,
+    window: ImuRecording,
+) -> Callable[[float], InitialState]:
+    """Initial state for a heading."""
+    assert gnss.velocity is not None
+    model = forgiving_model()
+    covariance = np.zeros((9 + model.size, 9 + model.size))
+    sd = [10.0, 10.0, 15.0, 1.0, 1.0, 1.0, MOTION_TILT_SD, MOTION_TILT_SD, 1e-3]
+    covariance[:9, :9] = np.diag(np.square(sd))
+    covariance[9:, 9:] = model.initial_covariance
+    state = np.zeros(model.size)
+    for axis in range(3):
+        state[model.constant_states(3 + axis)[0]] = bias[axis]
+    position, velocity = gnss.position[first], gnss.velocity[first]
+    return lambda heading: InitialState(
+        position.copy(), velocity.copy(), attitude(heading), state, covariance
+    )
+
+
+def _looking_back(
+    part: ImuRecording,
+    gnss: GnssRecording,
+    start: Callable[[float], InitialState],
+    found: HeadingPosterior,
+    lever_arm: FloatArray,
+    offset: float,
+    extra: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Attitude and gyro biases at the first sample, smoothed over the stretch.
+
+    The heading keeps the mean over all hypotheses.
+    """
+    from schuler.navigation.smoother import smooth_run
+
+    initial, model = start(found.mean), forgiving_model()
+    slow, schedule = stretch_to_filter(part, gnss, lever_arm, offset, extra)
+    done = run_engine(slow, initial, model, schedule, gate=gate_thresholds(1e-6))
+    smoothed = smooth_run(done, model, slow.time)
+    places = [model.constant_states(3 + axis)[0] for axis in range(3)]
+    return smoothed.samples.rotation[0].copy(), smoothed.sensor_state[0, places].copy()
+
+
+def forgiving_model() -> SensorErrorModel:
+    """Return a generic sensor whose noise forgives engines and roads.
+
+    Returns
+    -------
+    SensorErrorModel
+        Twelve states.
+    """
+    model = sensor_error_model(
+        generic_noise_model(), turn_on_accel=TURN_ON_ACCEL, turn_on_gyro=TURN_ON_GYRO
+    )
+    return replace(model, white_density=FORGIVING * model.white_density)
+
+
+def velocity_doubt(gnss: GnssRecording, lever_arm: FloatArray) -> FloatArray:
+    """Return what stamps and lever arm may do to a velocity before anybody has looked for them.
+
+    Parameters
+    ----------
+    gnss : GnssRecording
+        With velocity.
+    lever_arm : (3,) ndarray
+        Antenna from IMU as far as known, m; zero: not known.
+
+    Returns
+    -------
+    (n,) ndarray
+        Standard deviations, m/s: acceleration times a doubt in time, rate of the course times a
+        doubt in length.
+    """
+    assert gnss.velocity is not None
+    if gnss.size < 2:
+        return np.zeros(gnss.size)
+    change = np.gradient(gnss.velocity[:, :2], gnss.time, axis=0)
+    push = np.linalg.norm(change, axis=1)
+    north, east = gnss.velocity[:, 0], gnss.velocity[:, 1]
+    square = np.maximum(north**2 + east**2, 1.0)
+    turn = np.abs(north * change[:, 1] - east * change[:, 0]) / square
+    arm = KNOWN_ARM if np.any(lever_arm) else UNKNOWN_ARM
+    return np.asarray(np.hypot(STAMPS * push, arm * turn))
+
+
+def mean_rates(
+    imu: ImuRecording, time: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, float]:
+    """Mean of the gyros and of the rate of the course (rad/s) over one and the same time.
+
+    From the first to the last epoch that is fast enough for a course: a slope fitted in between
+    would count a turn in the middle of the time one and a half times.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The stretch.
+    time : (k,) ndarray
+        Of the velocities, on the IMU's axis, s.
+    velocity : (k, 3) ndarray
+        North, east, down, m/s.
+
+    Returns
+    -------
+    tuple of (3,) ndarray and float
+        rad/s.
+    """
+    fast = np.flatnonzero(np.linalg.norm(velocity[:, :2], axis=1) > 2.0)
+    if fast.size < 3:
+        return imu.gyro.mean(axis=0), 0.0
+    first, last = time[fast[0]], time[fast[-1]]
+    course = np.unwrap(np.arctan2(velocity[fast, 1], velocity[fast, 0]))
+    part = imu.between(float(first), float(last))
+    return part.gyro.mean(axis=0), float((course[-1] - course[0]) / (last - first))
+
+
+def attitude_history(increments: FloatArray) -> FloatArray:
+    """Return the rotations of all samples into the frame of the first one.
+
+    Parameters
+    ----------
+    increments : (n, 3) ndarray
+        Turn of each sample, rad.
+
+    Returns
+    -------
+    (n, 3, 3) ndarray
+        Products of the steps.
+    """
+    steps = dcm_from_rotation_vector(increments)
+    history = np.empty_like(steps)
+    now = np.eye(3)
+    for k in range(steps.shape[0]):
+        now = now @ steps[k]
+        history[k] = now
+    return history

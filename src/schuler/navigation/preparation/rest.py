@@ -1,0 +1,88 @@
+"""Rest at the beginning of a recording, and what it tells: level and the bias of the gyros."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.types import FloatArray
+
+# a vehicle at rest shows less than this in one-second means, engine running or not
+REST_ACCEL = 0.15
+REST_GYRO = np.radians(0.7)
+REST_SPEED = 0.3
+SHORTEST_REST = 2.0
+
+
+def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, float] | None:
+    """Find the time at rest at the beginning of a recording.
+
+    One-second means of rate and force must stay near those of the first seconds, and GNSS
+    velocity, where there is one, near zero. Means are used because an engine that runs shakes
+    single samples more than driving does.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    gnss : GnssRecording
+        On the same time axis within a second.
+
+    Returns
+    -------
+    tuple of float or None
+        Start and end in s; None if there are less than two seconds.
+    """
+    block = max(round(imu.rate), 1)
+    count = imu.size // block
+    if count < 2:
+        return None
+    gyro = imu.gyro[: count * block].reshape(count, block, 3).mean(axis=1)
+    accel = imu.accel[: count * block].reshape(count, block, 3).mean(axis=1)
+    ends = imu.time[block - 1 : count * block : block]
+    quiet = np.ones(count, dtype=bool)
+    quiet &= np.abs(gyro - np.median(gyro[: min(count, 10)], axis=0)).max(axis=1) < REST_GYRO
+    quiet &= np.abs(accel - np.median(accel[: min(count, 10)], axis=0)).max(axis=1) < REST_ACCEL
+    if gnss.velocity is not None:
+        moving = gnss.time[moves(gnss)]
+        if moving.size:
+            # half a second for the filters and delays of receivers
+            quiet &= ends < moving[0] - 0.5
+    stop = count if quiet.all() else int(np.argmin(quiet))
+    if stop < SHORTEST_REST:
+        return None
+    return float(imu.time[0]), float(ends[stop - 1])
+
+
+def moves(gnss: GnssRecording) -> NDArray[np.bool_]:
+    """Epochs at which GNSS is sure to move: this one and the next are clear of their noise."""
+    assert gnss.velocity is not None
+    speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
+    threshold = np.full(gnss.size, REST_SPEED)
+    if gnss.velocity_sd is not None:
+        sd = gnss.velocity_sd[:, :2].max(axis=1)
+        threshold = np.maximum(threshold, np.where(np.isfinite(sd), 4.0 * sd, 0.0))
+    over: NDArray[np.bool_] = np.asarray(speed > threshold)
+    over[:-1] &= over[1:]
+    return over
+
+
+def level_from_gravity(specific_force: FloatArray) -> FloatArray:
+    """Rotation into a level frame whose azimuth is arbitrary. Groves (5.101).
+
+    Parameters
+    ----------
+    specific_force : (3,) ndarray
+        Mean specific force at rest in the body frame, m/s².
+
+    Returns
+    -------
+    (3, 3) ndarray
+        Level (x, y, down) from body; its x axis is as near to the body's as can be.
+    """
+    down = -specific_force / np.linalg.norm(specific_force)
+    axis = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    first = axis - down * (axis @ down)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(down, first), down])

@@ -1,0 +1,304 @@
+"""What has to be known before a filter can run: offsets of time, noise, the start.
+
+Gathered in one frozen record, so that a run can be repeated exactly and a report can show it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.navigation.aiding.gnss import (
+    Aiding,
+    AidingSchedule,
+    GnssPosition,
+    GnssVelocity,
+    merge_schedules,
+)
+from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
+from schuler.navigation.aiding.vehicle import VehicleConstraint
+from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, SensorErrorModel
+from schuler.navigation.preparation.alignment import Alignment
+from schuler.navigation.preparation.condition import SOUND, DriveCondition
+from schuler.navigation.stepping import InitialState
+from schuler.navigation.tuning.vibration import VibrationResponse, vibration_level
+from schuler.types import FloatArray
+
+CONSTANT_NOISE = VibrationResponse()
+
+
+@dataclass(frozen=True, slots=True)
+class TimeOffsets:
+    """Seconds added to GNSS time to put position and velocity on the IMU's axis.
+
+    Receivers filter velocity more than position, so the two may differ; a positive value means
+    that the IMU's stamps are late.
+    """
+
+    position: float = 0.0
+    velocity: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseFactors:
+    """Multiples of a base model that a drive was found to need.
+
+    Parameters
+    ----------
+    white : (6,) ndarray
+        On the white-noise densities, accelerometer x, y, z, gyro x, y, z.
+    drive_accel, drive_gyro : float
+        On the standard deviation of the noise that drives the sensor error states.
+    position_sd, velocity_sd : float
+        On the receiver's standard deviations.
+    """
+
+    white: FloatArray
+    drive_accel: float = 1.0
+    drive_gyro: float = 1.0
+    position_sd: float = 1.0
+    velocity_sd: float = 1.0
+
+    @classmethod
+    def none(cls) -> NoiseFactors:
+        """Everything as the models say."""
+        return cls(white=np.ones(6))
+
+    def applied(self, model: SensorErrorModel) -> SensorErrorModel:
+        """Return a sensor error model multiplied by the factors.
+
+        Parameters
+        ----------
+        model : SensorErrorModel
+            The base.
+
+        Returns
+        -------
+        SensorErrorModel
+            Same states.
+        """
+        by_channel = np.array([self.drive_accel] * 3 + [self.drive_gyro] * 3 + [1.0])
+        # states without a channel, -1, keep theirs
+        drive = by_channel[model.channel]
+        return model.with_noise(self.white, drive)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorStart:
+    """What is known of the first sensor states at the first sample, instead of the model's word.
+
+    Parameters
+    ----------
+    state : (p,) ndarray
+        Estimates, SI.
+    covariance : (p, p) ndarray
+        Of their errors.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunSetup:
+    """Everything a run needs besides the recordings.
+
+    Parameters
+    ----------
+    model : SensorErrorModel
+        With factors already applied.
+    factors : NoiseFactors
+        For the record, and for the receiver's standard deviations.
+    offsets : TimeOffsets
+        Of GNSS.
+    alignment : Alignment
+        Attitude at the first sample.
+    lever_arm : (3,) ndarray
+        Antenna from IMU in the body frame, m.
+    vibration : VibrationResponse
+        How the white noise follows vibration.
+    vehicle : VehicleConstraint or None
+        What is known of the vehicle; its states are then the last of the model's.
+    sensor_start : SensorStart or None
+        Of the first states of the model; None: from model and alignment.
+    sources : tuple of Aiding
+        Measurements besides GNSS and vehicle: parity, for instance.
+    condition : DriveCondition
+        What the drive suffers from, and how the filter copes.
+    measurements : MeasurementOptions
+        How GNSS is weighted, and other sensors; their states are among the model's.
+    """
+
+    model: SensorErrorModel
+    factors: NoiseFactors
+    offsets: TimeOffsets
+    alignment: Alignment
+    lever_arm: FloatArray
+    vibration: VibrationResponse = CONSTANT_NOISE
+    vehicle: VehicleConstraint | None = None
+    sensor_start: SensorStart | None = None
+    sources: tuple[Aiding, ...] = ()
+    condition: DriveCondition = SOUND
+    measurements: MeasurementOptions = PLAIN
+
+    def white_scale(self, imu: ImuRecording) -> FloatArray | None:
+        """Return what multiplies the squared white-noise densities sample by sample.
+
+        Parameters
+        ----------
+        imu : ImuRecording
+            At its full rate.
+
+        Returns
+        -------
+        (n, 6) ndarray or None
+            None where the noise is constant.
+        """
+        scale = None
+        if self.vibration.active:
+            scale = self.vibration.white_scale(vibration_level(imu))
+        return self.condition.noise_scale(imu.time, scale, self.model.white_density)
+
+    def schedule(self, imu: ImuRecording, gnss: GnssRecording) -> AidingSchedule:
+        """Return all measurements that fall inside the IMU's time.
+
+        Parameters
+        ----------
+        imu : ImuRecording
+            For its time, and for the moments at which it feels no motion.
+        gnss : GnssRecording
+            Epochs that may be used.
+
+        Returns
+        -------
+        AidingSchedule
+            Positions, velocities and the vehicle's constraints.
+        """
+        gnss = self.condition.usable(gnss)
+        sources: tuple[Aiding, ...] = (
+            GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
+            GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
+        )
+        rows = [s.rows() for s in (*sources, *self.sources, *self.measurements.sources)]
+        if self.measurements.correlated is not None:
+            rows[0] = self.measurements.correlated.applied(rows[0])
+        if self.vehicle is not None:
+            rows += self.vehicle.rows(imu, self.model.white_density[3:])
+        merged = merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
+        for restart in self.condition.restarts:
+            between = (merged.time > restart.begin) & (merged.time < restart.time)
+            merged = merged.select(~between)
+        return merged
+
+    def initial_state(self, imu: ImuRecording, gnss: GnssRecording) -> InitialState:
+        """Return the state and covariance at the first sample.
+
+        Parameters
+        ----------
+        imu : ImuRecording
+            The run.
+        gnss : GnssRecording
+            Its first epoch near the start gives the position.
+
+        Returns
+        -------
+        InitialState
+            For `run_engine`.
+        """
+        return self._state_at(float(imu.time[0]), self.alignment, gnss)
+
+    def restarts(self, gnss: GnssRecording) -> list[tuple[float, InitialState]]:
+        """Return where the filter begins anew, and with what.
+
+        Parameters
+        ----------
+        gnss : GnssRecording
+            Its epoch near each restart gives the position.
+
+        Returns
+        -------
+        list of (float, InitialState)
+            For `run_in_pieces`; usually empty.
+        """
+        return [
+            (r.time, self._state_at(r.time, r.alignment, gnss)) for r in self.condition.restarts
+        ]
+
+    def _state_at(self, time: float, start: Alignment, gnss: GnssRecording) -> InitialState:
+        """Position of the nearest fix, the rest from an alignment."""
+        gnss, model = self.condition.usable(gnss), self.model
+        near = int(np.argmin(np.abs(gnss.time + self.offsets.position - time)))
+        away = abs(float(gnss.time[near] + self.offsets.position - time))
+        speed = float(np.linalg.norm(start.velocity))
+        assert gnss.position_sd is not None
+        sd = np.where(np.isfinite(gnss.position_sd[near]), gnss.position_sd[near], 10.0)
+        position_sd = 3.0 * sd + 0.1 + float(np.linalg.norm(self.lever_arm)) + speed * away
+        velocity_sd = 0.1 if start.rest is not None else 1.0
+        attitude_sd = [start.tilt_sd, start.tilt_sd, start.heading_sd]
+        covariance = np.zeros((9 + model.size, 9 + model.size))
+        np.fill_diagonal(
+            covariance[:9, :9],
+            np.concatenate([position_sd, np.full(3, velocity_sd), attitude_sd]) ** 2,
+        )
+        covariance[9:, 9:] = model.initial_covariance
+        state = np.zeros(model.size)
+        if self.sensor_start is not None:
+            known = self.sensor_start.state.size
+            state[:known] = self.sensor_start.state
+            covariance[9 : 9 + known, 9 : 9 + known] = self.sensor_start.covariance
+        elif start.gyro_bias_sd is not None:
+            for axis in range(3):
+                for j in model.constant_states(3 + axis)[:1]:
+                    state[j] = start.gyro_bias[axis]
+                    covariance[9 + j, 9 + j] = start.gyro_bias_sd**2
+        return InitialState(
+            position=gnss.position[near].copy(),
+            velocity=start.velocity.copy(),
+            rotation=start.rotation,
+            sensor_state=state,
+            covariance=covariance,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for reports and JSON.
+
+        Returns
+        -------
+        dict
+            SI units; angles in degrees where the key says so.
+        """
+        model, start = self.model, self.alignment
+        constant = {c: j[0] for c in range(6) if (j := model.constant_states(c)).size}
+        vehicle: dict[str, Any] = {}
+        if self.vehicle is not None:
+            vehicle = {"aiding": list(self.vehicle.constraints)}
+            if self.vehicle.first_state >= 0:
+                vehicle |= {
+                    "constraint_sd_right_m_s": self.vehicle.lateral_sd,
+                    "constraint_sd_down_m_s": self.vehicle.vertical_sd,
+                }
+        return vehicle | {
+            "time_offset_position_s": self.offsets.position,
+            "time_offset_velocity_s": self.offsets.velocity,
+            "lever_arm_m": self.lever_arm.tolist(),
+            "alignment": start.method,
+            "gnss_update": self.measurements.weighting.update,
+            "gnss_noise_adapts": self.measurements.weighting.adaptive,
+            "initial_heading_sd_deg": float(np.degrees(start.heading_sd)),
+            "gnss_position_sd_factor": self.factors.position_sd,
+            "gnss_velocity_sd_factor": self.factors.velocity_sd,
+            "vibration_exponent_accel": self.vibration.accel,
+            "vibration_exponent_gyro": self.vibration.gyro,
+            "white_noise_density": dict(
+                zip(FILTER_CHANNELS, model.white_density.tolist(), strict=True)
+            ),
+            "bias_walk_density": {
+                FILTER_CHANNELS[c]: float(np.sqrt(model.diffusion[j, 0]))
+                for c, j in constant.items()
+            },
+            "sensor_error_states": list(model.names),
+            "left_out": list(model.ignored),
+        }

@@ -1,0 +1,247 @@
+"""A run in pieces: where the filter begins anew, with the sensor errors it has learnt.
+
+A long gap or an axis that was stuck for long leaves nothing of attitude, and of velocity only what
+GNSS tells. The filter then stops and starts again like at the beginning, from an alignment of its
+own, but the states of the sensor errors go on: they only forget what their processes forget in
+the time between. The pieces are joined into one run, in which the transition over the break lets
+nothing of the navigation states through, so that the smoother looks back through the sensor errors
+alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import ImuRecording
+from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.engine import FilterRun, run_engine
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
+from schuler.navigation.stepping import InitialState
+from schuler.types import FloatArray
+
+DOUBLINGS = 6
+KEPT_BY_PIECES = ("covariance", "top", "transition", "error", "aid")
+
+
+def run_in_pieces(
+    imu: ImuRecording,
+    initial: InitialState,
+    restarts: Sequence[tuple[float, InitialState]],
+    model: SensorErrorModel,
+    schedule: AidingSchedule,
+    *,
+    white_scale: FloatArray | None = None,
+    **options: Any,
+) -> FilterRun:
+    """Run the filter over a recording, beginning anew where it has to.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        All six channels.
+    initial : InitialState
+        At the first sample.
+    restarts : sequence of (float, InitialState)
+        In order of time: from the first sample at or after it, position, velocity, attitude and
+        their covariance are those given; sensor states come from the piece before.
+    model : SensorErrorModel
+        Sensor error states and white noise.
+    schedule : AidingSchedule
+        Sorted measurements inside the time of the IMU; none between two pieces.
+    white_scale : (n, 6) ndarray or None
+        See `run_engine`.
+    **options
+        Of `run_engine`.
+
+    Returns
+    -------
+    FilterRun
+        As if it were one.
+    """
+    if not restarts:
+        return run_engine(imu, initial, model, schedule, white_scale=white_scale, **options)
+    runs: list[FilterRun] = []
+    spans: list[float] = []
+    end = 0.0
+    for piece in pieces_of(imu, initial, restarts, schedule, white_scale):
+        begin = piece.start
+        if runs:
+            spans.append(float(piece.imu.time[0] - end))
+            begin = _carried(begin, runs[-1].final, model, spans[-1])
+        end = float(piece.imu.time[-1])
+        runs.append(
+            run_engine(
+                piece.imu, begin, model, piece.schedule, white_scale=piece.white_scale, **options
+            )
+        )
+    return _joined(runs, model, spans)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A stretch between two restarts, with what belongs to it.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        Its samples.
+    start : InitialState
+        At its first sample; sensor states as if nothing was before.
+    schedule : AidingSchedule
+        Measurements from its first sample to that of the next piece.
+    white_scale : (n, 6) ndarray or None
+        Of its samples.
+    """
+
+    imu: ImuRecording
+    start: InitialState
+    schedule: AidingSchedule
+    white_scale: FloatArray | None
+
+
+def pieces_of(
+    imu: ImuRecording,
+    initial: InitialState,
+    restarts: Sequence[tuple[float, InitialState]],
+    schedule: AidingSchedule,
+    white_scale: FloatArray | None = None,
+) -> list[Piece]:
+    """Cut a run at its restarts.
+
+    Parameters
+    ----------
+    imu, initial, restarts, schedule, white_scale
+        As for `run_in_pieces`.
+
+    Returns
+    -------
+    list of Piece
+        In order of time; stretches of less than two samples are left out.
+    """
+    edges = [0, *(int(np.searchsorted(imu.time, t - 1e-6)) for t, _ in restarts), imu.size]
+    starts = [initial, *(state for _, state in restarts)]
+    whole = [
+        (a, b, start)
+        for a, b, start in zip(edges[:-1], edges[1:], starts, strict=True)
+        if b - a >= 2
+    ]
+    # what is measured between two pieces stays with the first and is never reached
+    begins = [float(imu.time[a]) for a, _, _ in whole]
+    places = [0, *np.searchsorted(schedule.time, begins[1:], side="left"), schedule.size]
+    pieces = []
+    for k, (a, b, start) in enumerate(whole):
+        part = replace(
+            imu, time=imu.time[a:b], gyro=imu.gyro[a:b], accel=imu.accel[a:b], temperature=None
+        )
+        rows = slice(int(places[k]), int(places[k + 1]))
+        scale = None if white_scale is None else white_scale[a:b]
+        pieces.append(Piece(part, start, schedule.select(rows), scale))
+    return pieces
+
+
+def sensor_step(model: SensorErrorModel, span: float) -> tuple[FloatArray, FloatArray]:
+    """Transition and noise of the sensor states over some time.
+
+    Parameters
+    ----------
+    model : SensorErrorModel
+        Its states.
+    span : float
+        Seconds.
+
+    Returns
+    -------
+    transition : (m, m) ndarray
+        F.
+    noise : (m, m) ndarray
+        Covariance that is added.
+    """
+    from schuler.kernels.transition import raise_blocks, sensor_transition, set_blocks
+
+    layout, m = model.layout(), model.size
+    rows, added = np.zeros_like(layout.drift), np.zeros_like(layout.drift)
+    # doubled so often: the noise of pairs is a trapezoid, good for short steps
+    sensor_transition(
+        span / 2.0**DOUBLINGS,
+        layout.drift,
+        layout.diffusion,
+        layout.block,
+        layout.interval,
+        rows,
+        added,
+    )
+    full, noise = _matrix(rows, layout.block), _matrix(added, layout.block)
+    for _ in range(DOUBLINGS):
+        noise = noise + full @ noise @ full.T
+        full = full @ full
+    if model.blocks:
+        steps = np.zeros(m, dtype=np.int64)
+        power, power_noise = np.zeros_like(rows), np.zeros_like(rows)
+        raise_blocks(
+            span,
+            layout.drift,
+            layout.diffusion,
+            layout.block,
+            layout.interval,
+            steps,
+            power,
+            power_noise,
+        )
+        set_blocks(True, layout.block, layout.interval, power, power_noise, rows, added)
+        discrete = np.ix_(layout.interval > 0.0, layout.interval > 0.0)
+        full[discrete] = _matrix(rows, layout.block)[discrete]
+        noise[discrete] = _matrix(added, layout.block)[discrete]
+    return full, 0.5 * (noise + noise.T)
+
+
+def _matrix(rows: FloatArray, block: NDArray[np.int64]) -> FloatArray:
+    m = block.shape[0]
+    full = np.zeros((m, m))
+    for j in range(m):
+        first, size = block[j]
+        full[j, first : first + size] = rows[j, :size]
+    return full
+
+
+def _carried(
+    start: InitialState, final: InitialState, model: SensorErrorModel, span: float
+) -> InitialState:
+    """Navigation from the alignment, sensor states from the end of the piece before."""
+    full, noise = sensor_step(model, span)
+    covariance = np.zeros_like(start.covariance)
+    covariance[:9, :9] = start.covariance[:9, :9]
+    covariance[9:, 9:] = full @ final.covariance[9:, 9:] @ full.T + noise
+    return replace(start, sensor_state=full @ final.sensor_state, covariance=covariance)
+
+
+def _joined(runs: list[FilterRun], model: SensorErrorModel, spans: list[float]) -> FilterRun:
+    """One run that keeps its pieces for the smoother."""
+    s = 9 + model.size
+    none = NodeOutputs.empty(0, 0, s, runs[0].nodes.transition.shape[2])
+    aiding = AidingOutputs.empty(0, 0, s)
+
+    def stacked(kind: type, parts: list[Any], without: Any, names: tuple[str, ...]) -> Any:
+        return kind(
+            **{
+                f.name: getattr(without, f.name)
+                if f.name in names
+                else np.concatenate([getattr(p, f.name) for p in parts])
+                for f in fields(kind)
+            }
+        )
+
+    return FilterRun(
+        samples=stacked(SampleOutputs, [r.samples for r in runs], None, ()),
+        aiding=stacked(AidingOutputs, [r.aiding for r in runs], aiding, ("row", "gain")),
+        nodes=stacked(NodeOutputs, [r.nodes for r in runs], none, KEPT_BY_PIECES),
+        log_likelihood=float(sum(r.log_likelihood for r in runs)),
+        final=runs[-1].final,
+        pieces=tuple(runs),
+        breaks=tuple(sensor_step(model, span)[0] for span in spans),
+    )

@@ -1,0 +1,163 @@
+"""Fixed-interval smoothing of a filter run: every sample sees the whole recording. Spec 7.8.
+
+Algebraically the Rauch-Tung-Striebel smoother, computed in the modified Bryson-Frazier form (see
+kernels/smoother.py). Between nodes, a quarter of a second apart at most, the estimated error of
+the filter is interpolated linearly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler.earth import metres_per_radian
+from schuler.errors import NavigationError
+from schuler.navigation.engine import FilterRun, SampleOutputs
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.rotations import dcm_from_rotation_vector
+from schuler.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmoothedRun:
+    """A smoothed run.
+
+    Parameters
+    ----------
+    samples : SampleOutputs
+        State at every IMU sample.
+    sensor_state, sensor_sd : (k, m) ndarray
+        Sensor error states at the nodes and their standard deviations.
+    """
+
+    samples: SampleOutputs
+    sensor_state: FloatArray
+    sensor_sd: FloatArray
+
+
+def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> SmoothedRun:
+    """Smooth a run that kept its samples and nodes.
+
+    Parameters
+    ----------
+    run : FilterRun
+        From `run_engine` with keep_samples and keep_nodes.
+    model : SensorErrorModel
+        The one of the run.
+    time : (n,) ndarray
+        IMU time, s.
+
+    Returns
+    -------
+    SmoothedRun
+        Same times as the run.
+
+    Raises
+    ------
+    NavigationError
+        The run did not keep what is needed.
+    """
+    from schuler.kernels.smoother import smooth_nodes
+
+    nodes = run.nodes
+    if not run.smoothable:
+        raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
+    count, s = nodes.size, 9 + model.size
+    error, fed_back = np.empty((count, s)), np.empty((count, 9))
+    position = np.empty((count, 3, 3))
+    variance = np.empty((count, s))
+    adjoint, information = np.zeros(s), np.zeros((s, s))
+    block = model.layout().block
+    pieces = run.pieces or (run,)
+    begins = np.cumsum([0, *(piece.nodes.size for piece in pieces)])
+    for p in range(len(pieces) - 1, -1, -1):
+        piece, begin = pieces[p], begins[p]
+        for part in piece.stretches_back():
+            smooth_nodes(
+                part.first,
+                part.stop,
+                adjoint,
+                information,
+                part.nodes.covariance,
+                part.nodes.top,
+                part.nodes.transition,
+                part.nodes.aid,
+                block,
+                piece.aiding.accepted,
+                part.row,
+                part.gain,
+                piece.aiding.scalar,
+                error[begin:],
+                position[begin:],
+                variance[begin:],
+            )
+            own = np.arange(part.first, part.stop)
+            fed_back[begin + own] = part.nodes.error[own % len(part.nodes.error), :9]
+        if p > 0:
+            _back_over_break(adjoint, information, run.breaks[p - 1])
+    sd = np.sqrt(variance)
+    before = np.clip(np.searchsorted(nodes.time, time, side="right") - 1, 0, count - 2)
+    span = nodes.time[before + 1] - nodes.time[before]
+    share = np.clip((time - nodes.time[before]) / span, 0.0, 1.0)[:, None]
+    # the error of the state just before the next node's correction was fed back
+    ahead = error[1:, :9] + fed_back[1:]
+    at_end = (time >= nodes.time[-1])[:, None]
+    left = np.where(
+        at_end, error[-1, :9], error[before, :9] * (1.0 - share) + ahead[before] * share
+    )
+
+    def between(values: FloatArray) -> FloatArray:
+        weight = share if values.ndim == 2 else share[:, :, None]
+        mixed: FloatArray = values[before] * (1.0 - weight) + values[before + 1] * weight
+        return mixed
+
+    return SmoothedRun(
+        samples=corrected_samples(run.samples, left, between(position), between(sd[:, :9])),
+        sensor_state=nodes.sensor_state + error[:, 9:],
+        sensor_sd=sd[:, 9:],
+    )
+
+
+def _back_over_break(adjoint: FloatArray, information: FloatArray, sensor: FloatArray) -> None:
+    """Take the adjoint variables over a break, in place: only the sensor states come across."""
+    adjoint[:9] = 0.0
+    adjoint[9:] = sensor.T @ adjoint[9:]
+    information[:9], information[:, :9] = 0.0, 0.0
+    information[9:, 9:] = sensor.T @ information[9:, 9:] @ sensor
+
+
+def corrected_samples(
+    samples: SampleOutputs, error: FloatArray, position_covariance: FloatArray, sd: FloatArray
+) -> SampleOutputs:
+    """Take errors out of the filter's states.
+
+    Parameters
+    ----------
+    samples : SampleOutputs
+        Of the filter, n rows.
+    error : (n, 9) ndarray
+        Computed minus true, as estimated.
+    position_covariance : (n, 3, 3) ndarray
+        What is left of it in position.
+    sd : (n, 9) ndarray
+        Likewise, standard deviations.
+
+    Returns
+    -------
+    SampleOutputs
+        Same samples.
+    """
+    north, east = metres_per_radian(samples.position)
+    position = samples.position.copy()
+    position[:, 0] -= error[:, 0] / north
+    position[:, 1] -= error[:, 1] / east
+    position[:, 2] += error[:, 2]
+    return SampleOutputs(
+        position=position,
+        velocity=samples.velocity - error[:, 3:6],
+        rotation=dcm_from_rotation_vector(error[:, 6:9]) @ samples.rotation,
+        position_covariance=position_covariance,
+        velocity_sd=sd[:, 3:6],
+        attitude_sd=sd[:, 6:9],
+    )

@@ -1,0 +1,1 @@
+"""Noise from the drive itself, by the likelihood of the innovations."""

@@ -1,0 +1,384 @@
+"""Noise and time offsets from the drive itself, by the likelihood of the innovations.
+
+A static log says nothing of vibration, and a receiver's clock and filters have delays of their
+own. All of it shows in the innovations of a filter run: the best values are those under which
+they were most likely. At the full rate of GNSS the likelihood hardly feels what carries a filter
+through an outage, so the same drive is filtered again with GNSS thinned to one fix in 2, 5 and
+10 s, and the likelihoods are added.
+
+The maximum is found by Fisher scoring on the scalar innovations and their variances, which also
+tells how well each parameter is known. Innovations beyond four standard deviations count with a
+Cauchy tail, so that a few bad fixes do not pass for noise.
+
+References: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation,
+section 5.4; Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, section
+3.4 (scoring); White, Estimation, Inference and Specification Analysis, section 8.3 (the sandwich,
+for innovations that are used once more in every thinning); spec 7.9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import EstimationError
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.navigation.tuning.likelihood import InnovationSequence, innovations, slower_imu, thin
+from schuler.navigation.tuning.vibration import VibrationResponse, level_at, vibration_level
+from schuler.types import FloatArray
+
+# GNSS is thinned to one epoch in this many seconds; 0: every epoch
+THINNING = (0.0, 2.0, 5.0, 10.0)
+# what is known of a vehicle carries it longer
+VEHICLE_THINNING = (0.0, 5.0, 10.0, 30.0)
+# prior: a factor of this many nepers is one standard deviation away from the base
+PRIOR_SD = 1.5
+VEHICLE_PRIOR_SD = 0.7
+# while tuning, constraints of a vehicle come at this interval (s)
+SPARSE_INTERVAL = 0.5
+# pieces of time whose scores are taken as independent of each other (s)
+SCORE_BLOCK = 20.0
+# one unit of the search in time offset (s)
+OFFSET_UNIT = 0.01
+# step of the numerical derivatives, in nepers and offset units
+DERIVATIVE_STEP = 1e-2
+# the search ends when a step promises less than this gain of log-likelihood: a parameter one
+# standard deviation off costs 0.5
+TOLERANCE = 0.2
+LONGEST_SEARCH = 30
+# least factor on a receiver's standard deviations of position: innovations cannot see errors that
+# change slowly, so a smaller one would claim what nobody knows
+LEAST_POSITION_FACTOR = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tuning:
+    """Outcome of `tune`.
+
+    Parameters
+    ----------
+    setup : RunSetup
+        Ready to run.
+    values : dict of str to float
+        By parameter, in nepers, exponents, and units of the search for offsets.
+    log_likelihood : float
+        Sum over the thinned runs, prior included.
+    gain : float
+        By how much it rose above the start.
+    evaluations : int
+        How often the whole drive was filtered with all thinnings.
+    converged : bool
+        Whether the search ended by itself.
+    standard_errors : dict of str to float
+        By parameter, in nepers, offsets in s, from the scatter of the scores over pieces of the
+        drive: that innovations appear in several thinnings, and are not quite white, is in it.
+    """
+
+    setup: RunSetup
+    values: dict[str, float]
+    log_likelihood: float
+    gain: float
+    evaluations: int
+    converged: bool
+    standard_errors: dict[str, float]
+
+
+def tune(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    start: RunSetup,
+    *,
+    noise: Literal["channels", "sensors"] | None,
+    offsets: bool,
+    first: Mapping[str, float] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    prior_sd: float = PRIOR_SD,
+    longest: int = LONGEST_SEARCH,
+    progress: Callable[[str], None] | None = None,
+) -> Tuning:
+    """Find noise factors and time offsets under which the innovations were most likely.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The drive, all six channels.
+    gnss : GnssRecording
+        Only epochs that may be looked at: withheld windows must be gone already.
+    start : RunSetup
+        Where noise and offsets start; its model, and the standard deviations of its vehicle, are
+        the centre of the prior. With a vehicle that rolls, these are found as well.
+    noise : "channels", "sensors" or None
+        White noise by channel, which also follows vibration, or one factor for each sensor; None:
+        noise as it is.
+    offsets : bool
+        Whether to find time offsets.
+    first : mapping of str to float or None
+        Values, as in `Tuning.values`, at which the search begins.
+    fixed : mapping of str to float or None
+        Values that are held.
+    prior_sd : float
+        Nepers.
+    longest : int
+        Steps of the search.
+    progress : callable or None
+        Called with a line of text now and then.
+
+    Returns
+    -------
+    Tuning
+        The setup found.
+
+    Raises
+    ------
+    EstimationError
+        Too few epochs, or a likelihood that cannot be evaluated.
+    """
+    if gnss.size < 20:
+        raise EstimationError(
+            f"only {gnss.size} GNSS epochs to tune with",
+            expected="at least 20",
+            cure="give a noise model and time offsets",
+        )
+    slow = slower_imu(imu)
+    level = level_at(slow.time, imu, vibration_level(imu)) if noise == "channels" else None
+    rolling = start.vehicle is not None and start.vehicle.first_state >= 0
+    thinned = [thin(gnss, interval) for interval in (VEHICLE_THINNING if rolling else THINNING)]
+    thinned = [g for g in thinned if g.size >= 10]
+    held = dict(fixed or {})
+    names = tuple(n for n in _free_parameters(start, gnss, noise, offsets) if n not in held)
+    prior, floor = np.array([_prior_and_floor(n, prior_sd) for n in names]).T
+    calls = 0
+
+    def evaluate(x: FloatArray) -> InnovationSequence:
+        nonlocal calls
+        calls += 1
+        if progress is not None and calls % 10 == 0:
+            progress(f"tuning: the drive filtered {calls} times")
+        setup = _sparser(_setup_at(held | dict(zip(names, x, strict=True)), start))
+        return innovations(slow, thinned, setup, level)
+
+    begin = np.array([(first or {}).get(n, 0.0) for n in names])
+    found = _score(evaluate, np.maximum(begin, floor), prior, floor, longest)
+    unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
+    values = dict(zip(names, found.x.tolist(), strict=True))
+    return Tuning(
+        setup=_setup_at(held | values, start),
+        values=held | values,
+        log_likelihood=found.log_likelihood,
+        gain=found.gain,
+        evaluations=calls,
+        converged=found.converged,
+        standard_errors=dict(zip(names, (found.sd * unit).tolist(), strict=True)),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Maximum:
+    """Parameters (p,), their standard errors (p,), and how the search went."""
+
+    x: FloatArray
+    sd: FloatArray
+    log_likelihood: float
+    gain: float
+    converged: bool
+
+
+def _score(
+    evaluate: Callable[[FloatArray], InnovationSequence],
+    x: FloatArray,
+    prior: FloatArray,
+    floor: FloatArray,
+    longest: int,
+) -> _Maximum:
+    """Fisher scoring with a damped step, above a floor. Harvey, section 3.4."""
+    count = prior.size
+
+    def value(sequence: InnovationSequence, at: FloatArray) -> float:
+        return sequence.log_likelihood - 0.5 * float(at @ (prior * at))
+
+    now = evaluate(x)
+    best = first = value(now, x)
+    if not np.isfinite(best):
+        raise EstimationError(
+            "the likelihood of the drive cannot be evaluated",
+            cure="check units, axes and time of IMU and GNSS",
+        )
+    damping, converged = 0.0, False
+    slopes = _derivatives(evaluate, x, now, prior)
+    for _ in range(longest if count else 0):
+        # what would leave through the floor stays out of this step
+        gradient, information = slopes.gradient, slopes.information
+        free = (x > floor) | (gradient > 0.0)
+        step, trial, there = np.zeros(count), now, -np.inf
+        while damping < 1e6:
+            damped = information + damping * np.diag(np.diag(information) + 1e-12)
+            step = np.zeros(count)
+            step[free] = np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
+            step = np.maximum(np.clip(step, -2.0, 2.0), floor - x)
+            converged = 0.5 * float(gradient @ step) < TOLERANCE
+            if converged:
+                break
+            trial = evaluate(x + step)
+            there = value(trial, x + step)
+            if np.isfinite(there) and there > best:
+                break
+            damping = max(4.0 * damping, 0.1)
+        if converged or damping >= 1e6:
+            break
+        damping = 0.0 if damping < 0.2 else 0.25 * damping
+        converged = there - best < TOLERANCE
+        x, now, best = x + step, trial, there
+        if converged:
+            break
+        slopes = _derivatives(evaluate, x, now, prior)
+    return _Maximum(x, slopes.standard_errors, best, best - first, converged or count == 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Slopes:
+    """First derivatives of the penalised log-likelihood.
+
+    Gradient (p,), expected information (p, p), and the covariance (p, p) of the score over pieces
+    of the drive.
+    """
+
+    gradient: FloatArray
+    information: FloatArray
+    scatter: FloatArray
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Square roots of the diagonal of H^-1 J H^-1; never below those of H^-1."""
+        inverse = np.linalg.pinv(self.information)
+        sandwich = np.diag(inverse @ self.scatter @ inverse)
+        return np.asarray(np.sqrt(np.maximum(sandwich, np.diag(inverse))))
+
+
+def _derivatives(
+    evaluate: Callable[[FloatArray], InnovationSequence],
+    x: FloatArray,
+    now: InnovationSequence,
+    prior: FloatArray,
+) -> _Slopes:
+    """First derivatives of the innovations, and what follows from them."""
+    count = x.size
+    root = np.sqrt(now.variance)
+    z = now.value / root
+    weight = now.weight
+    shift = np.empty((z.size, count))
+    spread = np.empty((z.size, count))
+    for k in range(count):
+        moved = x.copy()
+        moved[k] += DERIVATIVE_STEP
+        there = evaluate(moved)
+        shift[:, k] = (there.value - now.value) / root / DERIVATIVE_STEP
+        spread[:, k] = np.log(there.variance / now.variance) / DERIVATIVE_STEP
+    score = -(shift * (weight * z)[:, None] + 0.5 * spread * (1.0 - weight * z**2)[:, None])
+    information = shift.T @ shift + 0.5 * spread.T @ spread + np.diag(prior)
+    piece = ((now.time - now.time.min()) / SCORE_BLOCK).astype(np.int64)
+    pieces = np.zeros((int(piece.max()) + 1, count))
+    np.add.at(pieces, piece, score)
+    pieces -= pieces.mean(axis=0)
+    # the parameters have been fitted to these scores
+    scatter = pieces.T @ pieces * (len(pieces) / max(len(pieces) - count, 1))
+    return _Slopes(score.sum(axis=0) - prior * x, information, scatter)
+
+
+def _free_parameters(
+    start: RunSetup,
+    gnss: GnssRecording,
+    noise: Literal["channels", "sensors"] | None,
+    offsets: bool,
+) -> tuple[str, ...]:
+    names: list[str] = []
+    if noise is not None:
+        by_channel = noise == "channels"
+        names += [f"white {c}" for c in range(6)] if by_channel else ["white accel", "white gyro"]
+        for sensor, channels in (("accel", (0, 1, 2)), ("gyro", (3, 4, 5))):
+            if _driven(start.model, channels):
+                names.append(f"drive {sensor}")
+        names += ["vibration accel", "vibration gyro"] if by_channel else []
+        names += ["sd position"]
+        names += ["sd velocity"] if gnss.velocity is not None else []
+        if start.vehicle is not None and start.vehicle.first_state >= 0:
+            names += ["sd lateral", "sd vertical"]
+    if offsets:
+        names += ["offset position"]
+        names += ["offset velocity"] if gnss.velocity is not None else []
+    return tuple(names)
+
+
+def _driven(model: SensorErrorModel, channels: tuple[int, ...]) -> bool:
+    """Whether any state of these channels has noise of its own."""
+    of_blocks = [c for b in model.blocks for c in model.channel[b.first : b.first + b.size]]
+    own = np.isin(model.channel, channels) & (model.diffusion[:, 0] > 0.0)
+    return bool(np.any(own) or np.any(np.isin(of_blocks, channels)))
+
+
+def _sparser(setup: RunSetup) -> RunSetup:
+    """Fewer constraints of a vehicle, each worth as many more: the same in a second."""
+    vehicle = setup.vehicle
+    if vehicle is None or vehicle.interval >= SPARSE_INTERVAL:
+        return setup
+    share = float(np.sqrt(vehicle.interval / SPARSE_INTERVAL))
+    return replace(
+        setup,
+        vehicle=replace(
+            vehicle,
+            lateral_sd=vehicle.lateral_sd * share,
+            vertical_sd=vehicle.vertical_sd * share,
+            interval=SPARSE_INTERVAL,
+        ),
+    )
+
+
+def _prior_and_floor(name: str, prior_sd: float) -> tuple[float, float]:
+    """Inverse variance of the prior about zero, and the least value, of a parameter."""
+    if "offset" in name:
+        return 0.0, -np.inf
+    if "vibration" in name:
+        return 1.0, 0.0
+    if name == "sd position":
+        return prior_sd**-2, float(np.log(LEAST_POSITION_FACTOR))
+    if name in ("sd lateral", "sd vertical"):
+        return VEHICLE_PRIOR_SD**-2, -3.0
+    return prior_sd**-2, -8.0
+
+
+def _setup_at(x: Mapping[str, float], start: RunSetup) -> RunSetup:
+    def factor(name: str) -> float:
+        return float(np.exp(x.get(name, 0.0)))
+
+    sensors = np.repeat([factor("white accel"), factor("white gyro")], 3)
+    factors = NoiseFactors(
+        white=np.array([factor(f"white {c}") for c in range(6)]) * sensors,
+        drive_accel=factor("drive accel"),
+        drive_gyro=factor("drive gyro"),
+        position_sd=start.factors.position_sd * factor("sd position"),
+        velocity_sd=start.factors.velocity_sd * factor("sd velocity"),
+    )
+    vehicle = start.vehicle
+    if vehicle is not None:
+        vehicle = replace(
+            vehicle,
+            lateral_sd=vehicle.lateral_sd * factor("sd lateral"),
+            vertical_sd=vehicle.vertical_sd * factor("sd vertical"),
+        )
+    position = start.offsets.position + OFFSET_UNIT * x.get("offset position", 0.0)
+    velocity = start.offsets.velocity + OFFSET_UNIT * x.get("offset velocity", 0.0)
+    return replace(
+        start,
+        model=factors.applied(start.model),
+        factors=factors,
+        vibration=VibrationResponse(
+            start.vibration.accel + x.get("vibration accel", 0.0),
+            start.vibration.gyro + x.get("vibration gyro", 0.0),
+        ),
+        offsets=TimeOffsets(float(position), float(velocity)),
+        vehicle=vehicle,
+    )

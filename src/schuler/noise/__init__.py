@@ -1,0 +1,27 @@
+"""The algebra of sensor errors: sums of independent stochastic processes."""
+
+from schuler.noise.arma import ARMA
+from schuler.noise.autoregressive import Autoregressive
+from schuler.noise.base import Process, StateSpace
+from schuler.noise.drifts import RandomWalk, RateRamp, Sinusoid, TurnOnBias
+from schuler.noise.gauss_markov import BiasInstability, GaussMarkov
+from schuler.noise.noise_model import NoiseModel
+from schuler.noise.sums import ProcessSum
+from schuler.noise.white import Quantization, WhiteNoise
+
+__all__ = [
+    "ARMA",
+    "Autoregressive",
+    "BiasInstability",
+    "GaussMarkov",
+    "NoiseModel",
+    "Process",
+    "ProcessSum",
+    "Quantization",
+    "RandomWalk",
+    "RateRamp",
+    "Sinusoid",
+    "StateSpace",
+    "TurnOnBias",
+    "WhiteNoise",
+]

@@ -1,0 +1,92 @@
+"""What the autocovariance estimated from a record is on average, walks and ramps included."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.noise._checks import positive
+from schuler.noise.base import Process
+from schuler.noise.drifts import RandomWalk, RateRamp, TurnOnBias
+from schuler.noise.white import Quantization, WhiteNoise
+from schuler.types import FloatArray
+
+
+def variogram(process: Process, lag: ArrayLike, dt: float) -> FloatArray:
+    """Half the mean squared difference of samples a lag apart.
+
+    Parameters
+    ----------
+    process : Process
+        In u.
+    lag : (k,) array_like of int
+        In samples, not negative.
+    dt : float
+        Sample interval in s.
+
+    Returns
+    -------
+    (k,) ndarray
+        In u²; exists for walks and ramps, which have no autocovariance.
+    """
+    steps = np.asarray(lag, dtype=np.float64)
+    total = np.zeros(steps.shape)
+    for part in process.components:
+        total = total + _part(part, steps, positive(dt, "dt"))
+    return total
+
+
+def _part(part: Process, steps: FloatArray, dt: float) -> FloatArray:
+    if isinstance(part, WhiteNoise):
+        return np.where(steps > 0.0, part.density**2 / dt, 0.0)
+    if isinstance(part, Quantization):
+        # samples are differences of neighbouring errors of the increments, over dt
+        power = (part.step_density / dt) ** 2
+        return np.where(steps == 0.0, 0.0, np.where(steps == 1.0, 3.0, 2.0)) * power
+    if isinstance(part, RandomWalk):
+        return np.asarray(0.5 * part.density**2 * steps * dt)
+    if isinstance(part, RateRamp):
+        return np.asarray(0.5 * (part.slope * steps * dt) ** 2)
+    if isinstance(part, TurnOnBias):
+        return np.zeros(steps.shape)
+    covariance = part.autocovariance(np.concatenate([[0.0], steps * dt]))
+    return np.asarray(covariance[0] - covariance[1:])
+
+
+def expected_autocovariance(
+    process: Process, samples: int, dt: float, lag: ArrayLike
+) -> FloatArray:
+    """Mean of the biased autocovariance of a record whose mean was removed.
+
+    Parameters
+    ----------
+    process : Process
+        In u.
+    samples : int
+        Length n of the record.
+    dt : float
+        Sample interval in s.
+    lag : (k,) array_like of int
+        In samples, 0 .. n-1.
+
+    Returns
+    -------
+    (k,) ndarray
+        In u², exact; the loss by removing the mean is part of it.
+
+    Notes
+    -----
+    With the variogram G, the covariance of centred samples i and j is g_i + g_j - g - G(i-j),
+    g_i being the mean of G(i - m) over the record and g the mean of g_i.
+    """
+    shape = variogram(process, np.arange(samples), dt)
+    running = np.cumsum(shape)
+    index = np.arange(samples)
+    means = (running[index] + running[samples - 1 - index] - shape[0]) / samples
+    whole = float(means.mean())
+    sums = np.concatenate([[0.0], np.cumsum(means - whole)])
+    k = np.asarray(lag, dtype=np.int64)
+    pairs = samples - k
+    # sum over i = 0 .. n-1-k of g_i + g_(i+k) - 2 g, then what is constant
+    centred = sums[pairs] + sums[samples] - sums[k]
+    return np.asarray((centred + pairs * (whole - shape[k])) / samples)

@@ -1,0 +1,162 @@
+"""The noise of all channels of one sensor: a process each, with errors and where it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from schuler.data.imu import CHANNELS
+from schuler.errors import ModelError
+from schuler.noise._checks import not_negative, positive
+from schuler.noise.base import Process
+from schuler.noise.sums import ProcessSum
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+Numbers = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseModel:
+    """A stochastic process for every channel of an inertial measurement unit.
+
+    Parameters
+    ----------
+    processes : mapping of str to Process
+        By channel name out of `schuler.data.CHANNELS`; gyro channels in rad/s, accelerometer
+        channels in m/s². Stored as `ProcessSum`s.
+    standard_errors : mapping of str to mapping of str to float
+        By channel, then by parameter ("gauss_markov.sigma"), in SI.
+    rate : float or None
+        Samples a second at which it was fitted.
+    source : str
+        Where it came from, for people.
+    limits : mapping of str to mapping of str to float
+        By channel and parameter: 95 % upper limits, in SI, of terms that were looked for and not
+        found.
+
+    Raises
+    ------
+    ModelError
+        A channel that does not exist, or an error or limit for something that is not there.
+    """
+
+    processes: Mapping[str, Process]
+    standard_errors: Numbers = field(default_factory=dict)
+    rate: float | None = None
+    source: str = ""
+    limits: Numbers = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for channel in (*self.processes, *self.standard_errors, *self.limits):
+            if channel not in CHANNELS:
+                raise ModelError(
+                    f"noise model has a channel '{channel}'", expected=f"of {', '.join(CHANNELS)}"
+                )
+        if not self.processes:
+            raise ModelError("noise model has no channel", expected="at least one")
+        ordered = {c: self.processes[c] for c in CHANNELS if c in self.processes}
+        sums = {c: p if isinstance(p, ProcessSum) else ProcessSum((p,)) for c, p in ordered.items()}
+        for channel, errors in self.standard_errors.items():
+            known = sums[channel].parameters if channel in sums else {}
+            for key, value in errors.items():
+                if key not in known:
+                    raise ModelError(f"{channel} has a standard error of '{key}', but no such term")
+                not_negative(value, f"standard error of {channel} {key}")
+        if self.rate is not None:
+            object.__setattr__(self, "rate", positive(self.rate, "rate"))
+        object.__setattr__(self, "processes", sums)
+        for name in ("standard_errors", "limits"):
+            given: Numbers = getattr(self, name)
+            copy = {c: dict(v) for c, v in given.items()}
+            object.__setattr__(self, name, copy)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that have a process, in the order of `schuler.data.CHANNELS`."""
+        return tuple(self.processes)
+
+    def process(self, channel: str) -> ProcessSum:
+        """Return the process of one channel.
+
+        Parameters
+        ----------
+        channel : str
+            Out of `schuler.data.CHANNELS`.
+
+        Returns
+        -------
+        ProcessSum
+            In rad/s or m/s².
+
+        Raises
+        ------
+        ModelError
+            The model does not have this channel.
+        """
+        found = self.processes.get(channel)
+        if found is None:
+            raise ModelError(
+                f"noise model has no channel '{channel}'",
+                expected=f"one of {', '.join(self.channels)}",
+            )
+        assert isinstance(found, ProcessSum)
+        return found
+
+    @classmethod
+    def load(cls, path: str | Path) -> NoiseModel:
+        """Read a noise model that `save` or a person wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+            YAML file.
+
+        Returns
+        -------
+        NoiseModel
+            In SI.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, a key is missing or not known, a value is impossible.
+        UnitError
+            A unit is not known or of the wrong kind.
+        """
+        from schuler.noise.noise_model_file import load_noise_model
+
+        return load_noise_model(path)
+
+    def save(self, path: str | Path, units: Literal["datasheet", "si"] = "datasheet") -> None:
+        """Write the model as YAML for people.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; it appears only when it is complete.
+        units : {"datasheet", "si"}
+            "0.24 deg/sqrt(h)" or "6.98e-05 rad/s/sqrt(Hz)".
+        """
+        from schuler.data.table import write_text
+
+        write_text(path, self.to_yaml(units))
+
+    def to_yaml(self, units: Literal["datasheet", "si"] = "datasheet") -> str:
+        """Return the text that `save` writes.
+
+        Parameters
+        ----------
+        units : {"datasheet", "si"}
+            As for `save`.
+
+        Returns
+        -------
+        str
+            YAML with comments.
+        """
+        from schuler.noise.noise_model_file import noise_model_text
+
+        return noise_model_text(self, units)

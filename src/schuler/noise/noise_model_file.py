@@ -1,0 +1,372 @@
+"""Noise models as YAML that a person can read and edit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any, Literal
+
+from schuler.data.imu import CHANNELS
+from schuler.errors import InputError, SchulerError
+from schuler.noise.arma import ARMA
+from schuler.noise.autoregressive import Autoregressive
+from schuler.noise.base import Process
+from schuler.noise.drifts import RandomWalk, RateRamp, Sinusoid, TurnOnBias
+from schuler.noise.gauss_markov import BiasInstability, GaussMarkov
+from schuler.noise.noise_model import NoiseModel
+from schuler.noise.sums import ProcessSum
+from schuler.noise.white import Quantization, WhiteNoise
+from schuler.units import format_value, kind_of, parse
+
+PROCESSES: dict[str, type[Process]] = {
+    c.kind: c
+    for c in (
+        WhiteNoise,
+        Quantization,
+        GaussMarkov,
+        RandomWalk,
+        BiasInstability,
+        RateRamp,
+        Sinusoid,
+        TurnOnBias,
+        Autoregressive,
+        ARMA,
+    )
+}
+# rounded coefficients are another process (E-004-10): these are written with all digits, and
+# their driving variance, which belongs to one interval only, in SI
+_SERIES = {"autoregressive": ("coefficients",), "arma": ("phi", "theta")}
+_KINDS = {
+    "white_noise.density": "{} white noise",
+    "quantization.step_density": "{} quantization",
+    "quantization.interval": "time",
+    "gauss_markov.sigma": "{} bias",
+    "gauss_markov.correlation_time": "correlation time",
+    "random_walk.density": "{} random walk",
+    "random_walk.initial_sd": "{} bias",
+    "bias_instability.level": "{} bias instability",
+    "bias_instability.shortest": "correlation time",
+    "bias_instability.longest": "correlation time",
+    "rate_ramp.slope": "{} ramp",
+    "turn_on_bias.sigma": "{} bias",
+    "sinusoid.amplitude": "{} bias",
+    "sinusoid.frequency": "frequency",
+    "sinusoid.phase": "angle",
+    "autoregressive.interval": "time",
+    "arma.interval": "time",
+}
+_MEANINGS = {
+    "white_noise": "noise density N: angle or velocity random walk",
+    "quantization": "rounding of increments, Q",
+    "gauss_markov": "exponentially correlated bias",
+    "random_walk": "bias random walk K",
+    "bias_instability": "flicker B, as a sum of Gauss-Markov noises",
+    "rate_ramp": "steady drift",
+    "turn_on_bias": "constant, new at every start",
+    "sinusoid": "periodic error",
+    "autoregressive": "a_1 .. a_p of 1 + a_1 z^-1 + ..., at one sample interval only",
+    "arma": "phi and theta as in x = phi x + e + theta e, at one sample interval only",
+}
+_DEFAULTS = {
+    f"{kind}.{f.name}": f.default
+    for kind, cls in PROCESSES.items()
+    for f in fields(cls)  # type: ignore[arg-type]
+    if f.default is not MISSING
+}
+_HEADER = """\
+# Noise model of an inertial measurement unit: independent processes that add up, per channel.
+# Every number has its unit and may be edited; "+-" is one standard error. A number without a
+# unit is taken as SI (rad, m, s, Hz).
+"""
+_PLUS_MINUS = re.compile(r"^\s*(?P<value>\S+)\s*(?:\+-|\+/-|±)\s*(?P<error>\S+)(?P<unit>.*)$")
+
+
+def parameter_kind(channel: str, key: str) -> str | None:
+    """Return the kind of unit of a parameter, None for a plain count.
+
+    Parameters
+    ----------
+    channel : str
+        Decides between gyro and accelerometer.
+    key : str
+        Such as "gauss_markov.sigma" or "gauss_markov_2.sigma".
+
+    Returns
+    -------
+    str or None
+        A name for `schuler.units`.
+    """
+    found = _KINDS.get(re.sub(r"_\d+\.", ".", key))
+    return None if found is None else found.format(channel.split("_")[0])
+
+
+def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> str:
+    """Write a noise model as YAML.
+
+    Parameters
+    ----------
+    model : NoiseModel
+        What to write.
+    units : {"datasheet", "si"}
+        In which units.
+
+    Returns
+    -------
+    str
+        YAML with comments; `load_noise_model` reads it back to 1e-8 of every value.
+    """
+    import yaml
+
+    def quoted(text: str) -> str:
+        return yaml.safe_dump(text, default_style='"', width=10**6, allow_unicode=True).strip()
+
+    lines = [_HEADER, f"source: {quoted(model.source)}"]
+    if model.rate is not None:
+        lines.append(f"rate: {format_value(model.rate, 'frequency', digits=9)}")
+    lines.append("channels:")
+    for channel in model.channels:
+        process = model.process(channel)
+        errors = model.standard_errors.get(channel, {})
+        lines.append(f"  {channel}:")
+        for name, part in zip(process.names, process.parts, strict=True):
+            lines.append(f"    - {part.kind}:  # {_MEANINGS[part.kind]}")
+            if part.kind in _SERIES:
+                lines += _series_text(part)
+                continue
+            lines += [
+                f"        {key}: {_text(channel, f'{name}.{key}', value, errors, units)}"
+                for key, value in part.parameters.items()
+                if value != _DEFAULTS.get(f"{part.kind}.{key}")
+            ]
+    if any(model.limits.values()):
+        lines += ["# Looked for and not found: more than this is excluded at 95 %.", "excluded:"]
+        for channel, limits in model.limits.items():
+            if limits:
+                lines.append(f"  {channel}:")
+                lines += [
+                    f"    {key}: {_text(channel, key, v, {}, units)}" for key, v in limits.items()
+                ]
+    return "\n".join(lines) + "\n"
+
+
+def _series_text(part: Process) -> list[str]:
+    lines = []
+    for field in fields(part):  # type: ignore[arg-type]
+        value = getattr(part, field.name)
+        if field.name in _SERIES[part.kind]:
+            lines.append(f"        {field.name}: [{', '.join(repr(float(v)) for v in value)}]")
+        else:
+            unit = " s" if field.name == "interval" else ""
+            lines.append(f"        {field.name}: {float(value)!r}{unit}")
+    return lines
+
+
+def _text(channel: str, key: str, value: float, errors: Mapping[str, float], units: str) -> str:
+    kind = parameter_kind(channel, key)
+    if kind is None:
+        return f"{value:g}"
+    text = format_value(value, kind, units, digits=9)
+    if key in errors:
+        number, _, unit = text.partition(" ")
+        error = format_value(errors[key], kind, units, digits=3).partition(" ")[0]
+        text = f"{number} +- {error} {unit}"
+    return text
+
+
+def load_noise_model(path: str | Path) -> NoiseModel:
+    """Read a noise model from YAML.
+
+    Parameters
+    ----------
+    path : str or Path
+        File.
+
+    Returns
+    -------
+    NoiseModel
+        In SI.
+
+    Raises
+    ------
+    InputError
+        No such file, no YAML, missing or unknown keys, impossible values: with file and key.
+    UnitError
+        A wrong unit, with file and key.
+    """
+    where = str(path)
+    content = _mapping(_parse_yaml(path), where)
+    _only(content, {"source", "rate", "channels", "excluded"}, where)
+    if "channels" not in content:
+        raise InputError("key 'channels' is missing", expected="channels: gyro_x: ...", where=where)
+    rate = content.get("rate")
+    processes: dict[str, Process] = {}
+    errors: dict[str, dict[str, float]] = {}
+    for channel, entries in _mapping(content["channels"], f"{where}: channels").items():
+        place = f"{where}: channels.{channel}"
+        _channel(channel, place)
+        processes[channel], errors[channel] = _read_channel(channel, entries, place)
+    limits = {
+        channel: {
+            str(key): _number(value, _limit_kind(channel, str(key), where), f"{where}: {key}")[0]
+            for key, value in _mapping(values, f"{where}: excluded.{channel}").items()
+        }
+        for channel, values in _mapping(content.get("excluded") or {}, f"{where}: excluded").items()
+        if _channel(channel, f"{where}: excluded.{channel}")
+    }
+    try:
+        return NoiseModel(
+            processes=processes,
+            standard_errors={c: e for c, e in errors.items() if e},
+            rate=None if rate is None else _number(rate, "frequency", f"{where}: rate")[0],
+            source=str(content.get("source") or ""),
+            limits=limits,
+        )
+    except SchulerError as error:
+        raise (error if error.where else error.at(where)) from None
+
+
+def _parse_yaml(path: str | Path) -> Any:
+    import yaml
+
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror})", expected="a noise model", where=str(path)
+        ) from None
+    except UnicodeDecodeError:
+        raise InputError("is not text", expected="a noise model (YAML)", where=str(path)) from None
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"{path}: line {mark.line + 1}" if mark else str(path)
+        problem = getattr(error, "problem", None) or "cannot be parsed"
+        raise InputError(f"not YAML: {problem}", expected="a noise model", where=place) from None
+
+
+def _mapping(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        found = "nothing" if value is None else f"'{str(value)[:40]}'"
+        raise InputError(f"{found} stands here", expected="keys with values", where=where)
+    return value
+
+
+def _only(content: Mapping[str, Any], known: set[str], where: str) -> None:
+    for key in content:
+        if key not in known:
+            raise InputError(
+                f"key '{key}' is not known", expected=f"of {', '.join(sorted(known))}", where=where
+            )
+
+
+def _channel(channel: Any, where: str) -> bool:
+    if channel not in CHANNELS:
+        raise InputError(
+            f"'{channel}' is not a channel", expected=f"of {', '.join(CHANNELS)}", where=where
+        )
+    return True
+
+
+def _read_channel(channel: str, entries: Any, where: str) -> tuple[ProcessSum, dict[str, float]]:
+    if not isinstance(entries, list) or not entries:
+        raise InputError("no list of processes", expected="- white_noise: ...", where=where)
+    parts: list[Process] = []
+    errors: list[dict[str, float]] = []
+    for entry in entries:
+        content = _mapping(entry, where)
+        if len(content) != 1:
+            raise InputError(
+                f"{len(content)} processes in one entry ({', '.join(map(str, content))})",
+                expected="one '- name:' for each process",
+                where=where,
+            )
+        ((kind, values),) = content.items()
+        part, its = _read_process(channel, str(kind), values, f"{where}.{kind}")
+        parts.append(part)
+        errors.append(its)
+    total = ProcessSum(tuple(parts))
+    named = {
+        f"{name}.{key}": value
+        for name, its in zip(total.names, errors, strict=True)
+        for key, value in its.items()
+    }
+    return total, named
+
+
+def _read_process(
+    channel: str, kind: str, values: Any, where: str
+) -> tuple[Process, dict[str, float]]:
+    cls = PROCESSES.get(kind)
+    if cls is None:
+        raise InputError(
+            f"process '{kind}' is not known", expected=f"of {', '.join(PROCESSES)}", where=where
+        )
+    content = _mapping(values, where)
+    known = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    _only(content, set(known), where)
+    for name, wanted in known.items():
+        if wanted.default is MISSING and name not in content:
+            raise InputError(f"key '{name}' is missing", where=where)
+    numbers: dict[str, Any] = {}
+    errors: dict[str, float] = {}
+    for name, value in content.items():
+        if name in _SERIES.get(kind, ()):
+            numbers[name] = _coefficients(value, f"{where}.{name}")
+            continue
+        unit_kind = parameter_kind(channel, f"{kind}.{name}")
+        numbers[name], error = _number(value, unit_kind, f"{where}.{name}")
+        if error is not None:
+            errors[name] = error
+    try:
+        return cls(**numbers), errors
+    except SchulerError as error:
+        raise InputError(error.found, expected=error.expected, where=where) from None
+
+
+def _coefficients(value: Any, where: str) -> tuple[float, ...]:
+    if not isinstance(value, list):
+        raise InputError("no list stands here", expected="coefficients in [ ]", where=where)
+    return tuple(_number(v, None, where)[0] for v in value)
+
+
+def _limit_kind(channel: str, key: str, where: str) -> str:
+    found = parameter_kind(channel, key)
+    if found is None:
+        raise InputError(f"'{key}' is not a parameter", where=f"{where}: excluded.{channel}")
+    return found
+
+
+def _number(value: Any, kind: str | None, where: str) -> tuple[float, float | None]:
+    """Return value and standard error in SI."""
+    if value is None or isinstance(value, (bool, list, dict)):
+        unit = "" if kind is None else f" such as '1.5 {kind_of(kind).datasheet}'"
+        raise InputError("no number stands here", expected=f"a number{unit}", where=where)
+    try:
+        split = _PLUS_MINUS.match(value) if isinstance(value, str) else None
+        if split is None:
+            return _one(value, kind), None
+        first = _one(split["value"] + split["unit"], kind)
+        error = _one(split["error"] + split["unit"], kind)
+    except SchulerError as error_found:
+        raise error_found.at(where) from None
+    if error < 0.0:
+        raise InputError(f"standard error {split['error']} is negative", where=where)
+    return first, error
+
+
+def _one(value: Any, kind: str | None) -> float:
+    try:
+        # YAML takes 1e-4 (no point) for text; a bare number is SI
+        plain = float(value)
+    except ValueError:
+        plain = None
+    if plain is None:
+        if kind is None:
+            raise InputError(f"'{value}' is not a number", expected="a plain number")
+        return parse(value, kind)
+    if plain - plain != 0.0:
+        raise InputError(f"'{value}' is not finite", expected="a finite number")
+    return plain

@@ -1,7 +1,0 @@
-"""Work that takes long: who does it, what is kept of it, what to show while it runs."""
-
-from schuler.scale.executors import Workers, workers
-from schuler.scale.progress import Progress, progress
-from schuler.scale.tasks import Task, run_tasks
-
-__all__ = ["Progress", "Task", "Workers", "progress", "run_tasks", "workers"]

@@ -1,0 +1,1 @@
+"""Is a recording what it claims: units, rate, gaps, stuck axes, knocks, motion."""

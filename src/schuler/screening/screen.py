@@ -1,0 +1,331 @@
+"""Look at a recording before anything is computed from it: report, and repair when asked.
+
+`screen` only looks. `repair` returns a new recording whose history says what was done; it never
+makes up a sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.data import ImuRecording
+from schuler.errors import InputError
+
+Severity = Literal["info", "warning", "error"]
+_SHOWN = 5  # intervals named in a message
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was seen.
+
+    Parameters
+    ----------
+    kind : str
+        "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "saturation", "knock",
+        "outlier", "heavy tails", "units", "gravity", "grid", "rest", "channels", "source of rate".
+    severity : {"info", "warning", "error"}
+        An error makes results wrong; a warning can.
+    message : str
+        In plain words, with numbers.
+    channels : tuple of str
+        Channels concerned; empty: all.
+    intervals : tuple of (float, float)
+        First and last second concerned, on the recording's time axis.
+    value : float or None
+        The number behind it, SI.
+    cure : str
+        What the user can do about it; empty where the message says all.
+    """
+
+    kind: str
+    severity: Severity
+    message: str
+    channels: tuple[str, ...] = ()
+    intervals: tuple[tuple[float, float], ...] = ()
+    value: float | None = None
+    cure: str = ""
+
+    @property
+    def text(self) -> str:
+        """Message and cure in one line."""
+        return f"{self.message}; {self.cure}" if self.cure else self.message
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON values."""
+        return {
+            "kind": self.kind,
+            "severity": self.severity,
+            "message": self.message,
+            "channels": list(self.channels),
+            "intervals_s": [list(i) for i in self.intervals],
+            "value": self.value,
+            "cure": self.cure,
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Screening:
+    """What was seen in a recording.
+
+    Parameters
+    ----------
+    name : str
+        Name of the recording.
+    size : int
+        Number of samples.
+    duration : float
+        Seconds.
+    rate : float
+        Samples a second, gaps left out.
+    jitter : float
+        Standard deviation of the time steps, gaps left out, s.
+    static : bool
+        True when the sensor stood still throughout.
+    findings : tuple of Finding
+        Errors first, then warnings, then what is good to know.
+    repeated : (n,) ndarray of bool
+        Rows that repeat the row before.
+    disturbed : tuple of (int, int)
+        First row and row behind the last of each knock or outlier of a static recording.
+    gaps : tuple of int
+        Rows before which samples are missing.
+    rest : tuple of (float, float)
+        Intervals in which the sensor stood still, s.
+    """
+
+    name: str
+    size: int
+    duration: float
+    rate: float
+    jitter: float
+    static: bool
+    findings: tuple[Finding, ...]
+    repeated: NDArray[np.bool_]
+    disturbed: tuple[tuple[int, int], ...] = ()
+    gaps: tuple[int, ...] = ()
+    rest: tuple[tuple[float, float], ...] = field(default=())
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Findings in plain words, one a line."""
+        return tuple(f"{f.severity}: {f.message}" for f in self.findings)
+
+    def of_kind(self, kind: str) -> tuple[Finding, ...]:
+        """Return the findings of one kind.
+
+        Parameters
+        ----------
+        kind : str
+            See `Finding`.
+
+        Returns
+        -------
+        tuple of Finding
+            Perhaps empty.
+        """
+        return tuple(f for f in self.findings if f.kind == kind)
+
+    def require_usable(self) -> None:
+        """Raise the first finding that is an error.
+
+        Raises
+        ------
+        InputError
+            A stuck axis, or whatever else makes results wrong.
+        """
+        for finding in self.findings:
+            if finding.severity == "error":
+                raise InputError(finding.message, where=self.name)
+
+    def repaired(self, imu: ImuRecording, *, close_up: bool = False) -> ImuRecording:
+        """Return `repair` of the recording this screening belongs to."""
+        return repair(imu, self, close_up=close_up)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON values, SI units."""
+        return {
+            "name": self.name,
+            "samples": self.size,
+            "duration_s": self.duration,
+            "rate_hz": self.rate,
+            "jitter_s": self.jitter,
+            "static": self.static,
+            "repeated_rows": int(self.repeated.sum()),
+            "gaps": len(self.gaps),
+            "disturbed_rows": [list(d) for d in self.disturbed],
+            "rest_s": [list(r) for r in self.rest],
+            "findings": [f.to_dict() for f in self.findings],
+        }
+
+
+def screen(imu: ImuRecording) -> Screening:
+    """Look at a recording and report what a careful engineer would want to know.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        Any recording; channels that were not recorded are left out.
+
+    Returns
+    -------
+    Screening
+        Rate, jitter, gaps, repeated rows, stuck axes, saturation, knocks and outliers (of static
+        recordings, where motion cannot be the cause), units suspected to be wrong, the gravity
+        axis, the steps of quantisation, and times of rest.
+
+    Notes
+    -----
+    Knocks: a sample is disturbed when it is further than 8 robust standard deviations (1.4826 times
+    the median absolute deviation) from the median of its 10 s block. A channel in which more
+    than 0.5 % of the samples are beyond 4 of them has heavy tails; its own outliers are then its
+    noise and no knocks.
+    """
+    from schuler.screening import motion, rows, stuck, values
+
+    steps = rows.look_at_steps(imu)
+    repeated = rows.repeated_rows(imu)
+    still = motion.look_at_rest(imu, steps.rate)
+    disturbed, disturbances = motion.look_for_knocks(imu, steps.rate, still)
+    findings = [
+        *steps.findings,
+        *rows.findings_on_rows(imu, repeated),
+        *values.stuck_axes(imu),
+        *stuck.findings_on_stuck(imu, stuck.stuck_intervals(imu)),
+        *values.saturation(imu),
+        *disturbances,
+        *values.suspected_units(imu, still),
+        *values.gravity(imu, still),
+        *values.grids(imu),
+        *still.findings,
+    ]
+    order = {"error": 0, "warning": 1, "info": 2}
+    return Screening(
+        name=imu.name,
+        size=imu.size,
+        duration=imu.duration,
+        rate=steps.rate,
+        jitter=steps.jitter,
+        static=still.static,
+        findings=tuple(sorted(findings, key=lambda f: order[f.severity])),
+        repeated=repeated,
+        disturbed=disturbed,
+        gaps=steps.gaps,
+        rest=still.rest,
+    )
+
+
+def repair(imu: ImuRecording, screening: Screening, *, close_up: bool = False) -> ImuRecording:
+    """Return the recording without repeated rows and, if asked, without knocks.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The recording that was screened.
+    screening : Screening
+        What was seen in it.
+    close_up : bool
+        Cut out the disturbed samples and move what follows forward in time, so that the series
+        stays evenly spaced. Right for the noise of a static recording, where the time of day does
+        not matter; wrong for navigation, which needs every sample at its time. False: the
+        disturbed samples stay.
+
+    Returns
+    -------
+    ImuRecording
+        A new recording with a line of history for each repair; the same one when there was
+        nothing to do. Of a run of repeated rows the first is kept; no sample is made up.
+
+    Raises
+    ------
+    InputError
+        The screening belongs to another recording, or nothing would be left.
+    """
+    if screening.repeated.size != imu.size:
+        raise InputError(
+            f"the screening is of {screening.repeated.size} samples, the recording has {imu.size}",
+            expected="the screening of this recording",
+        )
+    keep = ~screening.repeated
+    history = list(imu.history)
+    if screening.repeated.any():
+        share = 100.0 * float(screening.repeated.mean())
+        history.append(
+            f"left out {int(screening.repeated.sum())} rows ({share:.1f} %) that repeat the row "
+            "before (averaging neighbours would be the other choice)"
+        )
+    time = np.array(imu.time)
+    if close_up and screening.disturbed:
+        step = 1.0 / screening.rate
+        cut = 0
+        for first, stop in screening.disturbed:
+            keep[first:stop] = False
+            cut += stop - first
+            if first > 0 and stop < imu.size:
+                time[stop:] -= time[stop] - (time[first - 1] + step)
+        history.append(
+            f"cut out {cut} samples around {len(screening.disturbed)} knocks or outliers "
+            f"(at {_times(imu, screening.disturbed)}) and closed up time"
+        )
+    if len(history) == len(imu.history):
+        return imu
+    if int(keep.sum()) < 2:
+        raise InputError(f"nothing would be left of '{imu.name}'", cure="check the recording")
+    return replace(
+        imu,
+        time=time[keep],
+        gyro=imu.gyro[keep],
+        accel=imu.accel[keep],
+        temperature=None if imu.temperature is None else imu.temperature[keep],
+        history=tuple(history),
+    )
+
+
+def clean_segments(
+    imu: ImuRecording, screening: Screening, shortest: float = 1.0
+) -> tuple[ImuRecording, ...]:
+    """Return the pieces between knocks, outliers and gaps.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The recording that was screened.
+    screening : Screening
+        What was seen in it.
+    shortest : float
+        Pieces shorter than this many seconds are left out.
+
+    Returns
+    -------
+    tuple of ImuRecording
+        Longest first, each with a line of history.
+    """
+    edges = [(0, 0), *((g, g) for g in screening.gaps), *screening.disturbed, (imu.size, imu.size)]
+    edges.sort()
+    pieces = []
+    start = 0
+    for stop, behind in edges:
+        start, begin = max(start, behind), start
+        if stop - begin < 2 or imu.time[stop - 1] - imu.time[begin] < shortest:
+            continue
+        part = slice(begin, stop)
+        pieces.append(
+            replace(
+                imu,
+                time=imu.time[part],
+                gyro=imu.gyro[part],
+                accel=imu.accel[part],
+                temperature=None if imu.temperature is None else imu.temperature[part],
+                history=(*imu.history, f"clean piece, rows {begin} to {stop - 1}"),
+            )
+        )
+    return tuple(sorted(pieces, key=lambda p: -p.duration))
+
+
+def _times(imu: ImuRecording, rows: tuple[tuple[int, int], ...]) -> str:
+    text = ", ".join(f"{imu.time[a]:.2f}" for a, _ in rows[:_SHOWN])
+    return text + (", ... s" if len(rows) > _SHOWN else " s")

@@ -1,0 +1,1 @@
+"""How bodies move: cars, motorcycles, skis, drones, people on foot, recorded tracks."""

@@ -1,0 +1,126 @@
+"""Grades of GNSS receivers, from one frequency and code alone to fixed ambiguities (spec 1.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.data import GnssRecording
+from schuler.simulation.gnss import simulate_gnss
+from schuler.simulation.motions.profile import Profile
+
+
+@dataclass(frozen=True, slots=True)
+class GnssGrade:
+    """How good a kind of receiver is.
+
+    Parameters
+    ----------
+    name : str
+        For people.
+    quality : int
+        RTKLIB's number: 1 fixed, 4 differential, 5 single.
+    white_sd : tuple of float
+        White part of the position noise north, east, down, m.
+    correlated_sd : tuple of float
+        Part with a correlation time (orbits, clocks, ionosphere, multipath), m.
+    correlation_time : float
+        Seconds.
+    velocity_sd : tuple of float
+        White noise of the velocity north, east, down, m/s.
+    """
+
+    name: str
+    quality: int
+    white_sd: tuple[float, float, float]
+    correlated_sd: tuple[float, float, float]
+    correlation_time: float
+    velocity_sd: tuple[float, float, float]
+
+    @property
+    def position_sd(self) -> tuple[float, float, float]:
+        """Standard deviation of both parts together, m."""
+        north, east, down = np.hypot(self.white_sd, self.correlated_sd)
+        return float(north), float(east), float(down)
+
+
+L1_CODE = GnssGrade("L1 code", 5, (0.6, 0.6, 0.9), (1.9, 1.9, 2.85), 60.0, (0.05, 0.05, 0.08))
+"""2.0 m horizontal, 3.0 m vertical, most of it slow."""
+DIFFERENTIAL_CODE = GnssGrade(
+    "differential code", 4, (0.4, 0.4, 0.6), (0.5, 0.5, 0.75), 60.0, (0.05, 0.05, 0.08)
+)
+"""0.64 m horizontal: what the base station shares is gone, multipath stays."""
+RTK_FIXED = GnssGrade(
+    "RTK fixed", 1, (0.015, 0.015, 0.03), (0.02, 0.02, 0.04), 60.0, (0.03, 0.03, 0.05)
+)
+"""0.025 m horizontal, 0.05 m vertical."""
+
+
+def simulate_receiver(
+    profile: Profile,
+    grade: GnssGrade,
+    rate: float = 1.0,
+    *,
+    rng: np.random.Generator,
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
+    start: float | None = None,
+    latency: float = 0.0,
+    velocity_latency: float | None = None,
+    claimed_scale: float = 1.0,
+    outages: Sequence[tuple[float, float]] = (),
+    outlier_rate: float = 0.0,
+    outlier_size: float = 50.0,
+    velocity: bool = True,
+) -> GnssRecording:
+    """Return what a receiver of some grade records on a known motion.
+
+    Parameters
+    ----------
+    profile : Profile
+        True motion of the IMU.
+    grade : GnssGrade
+        `L1_CODE`, `DIFFERENTIAL_CODE`, `RTK_FIXED` or another.
+    rate : float
+        Epochs a second.
+    rng : numpy.random.Generator
+        As in `simulate_gnss`.
+    lever_arm, start, latency, velocity_latency, claimed_scale, outages
+        As in `simulate_gnss`.
+    outlier_rate, outlier_size : float
+        As in `simulate_gnss`.
+    velocity : bool
+        False: no velocities are recorded.
+
+    Returns
+    -------
+    GnssRecording
+        With the quality of the grade. It claims the standard deviation of the white and the
+        correlated part together, as receivers do. Source: spec 1.3.
+
+    Raises
+    ------
+    InputError
+        As `simulate_gnss`.
+    """
+    recording = simulate_gnss(
+        profile,
+        rate,
+        position_sd=grade.white_sd,
+        velocity_sd=grade.velocity_sd if velocity else None,
+        rng=rng,
+        lever_arm=lever_arm,
+        start=start,
+        correlated_sd=grade.correlated_sd,
+        correlation_time=grade.correlation_time,
+        latency=latency,
+        velocity_latency=velocity_latency,
+        claimed_scale=claimed_scale,
+        outages=outages,
+        outlier_rate=outlier_rate,
+        outlier_size=outlier_size,
+        name=grade.name,
+    )
+    return replace(recording, quality=np.full(recording.size, grade.quality))

@@ -1,0 +1,186 @@
+"""Experiments: one unit of work, how often it is repeated, and what its results are for."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.errors import ModelError
+from schuler.types import FloatArray
+from schuler_papers.outcome import Estimate, Outcome
+
+Size = Literal["quick", "full"]
+Numbers = dict[str, FloatArray]
+"""What one run returns: arrays by name, small enough to be kept."""
+Results = Sequence[Numbers]
+"""One entry for each repetition, in the order of the seeds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repetitions:
+    """How often an experiment is run.
+
+    Parameters
+    ----------
+    quick, full : int
+        Number of seeds for each size; no quick one for what takes long.
+    """
+
+    quick: int = 1
+    full: int = 1
+
+    def of(self, size: Size) -> int:
+        """Return the number of seeds for a size.
+
+        Parameters
+        ----------
+        size : {"quick", "full"}
+            Size of the study.
+
+        Returns
+        -------
+        int
+            Number of seeds.
+        """
+        return self.quick if size == "quick" else self.full
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A table, figure, equation or erratum of a paper.
+
+    Parameters
+    ----------
+    label : str
+        As the paper has it: "Table 2", "Fig. 5", "eq. (12)"; "E-000-5" for a slip.
+    title : str
+        What it is about.
+    claim : str
+        What the paper says, in one sentence.
+    judge : callable
+        ``(results, size) -> Outcome``.
+    slips : tuple of str
+        Labels of further slips that its rows prove, so that they can be asked for.
+    """
+
+    label: str
+    title: str
+    claim: str
+    judge: Callable[[Results, Size], Outcome]
+    slips: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One unit of work that is repeated, and the items it serves.
+
+    Parameters
+    ----------
+    paper : str
+        Name in `registry.PAPERS`.
+    name : str
+        Letters, digits and hyphens; names the files that are kept.
+    title : str
+        What is done.
+    run : callable
+        ``(seed, size) -> Numbers``; ``(seed, size, folder)`` if it needs recordings.
+    items : tuple of Item
+        What the results are for.
+    repetitions : Repetitions
+        How often.
+    recordings : tuple of str
+        Folders of measured data it needs.
+    """
+
+    paper: str
+    name: str
+    title: str
+    run: Callable[..., Numbers]
+    items: tuple[Item, ...]
+    repetitions: Repetitions = Repetitions()
+    recordings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not all(c.isascii() and (c.isalnum() or c == "-") for c in self.name) or not self.name:
+            raise ModelError(
+                f"an experiment named '{self.name}'", expected="letters, digits, hyphens"
+            )
+        if not self.items:
+            raise ModelError(f"experiment '{self.name}' serves no item")
+
+
+def generator(seed: int, *names: str) -> np.random.Generator:
+    """Return the generator of one repetition of one experiment.
+
+    Parameters
+    ----------
+    seed : int
+        Number of the repetition.
+    *names : str
+        Paper and experiment, so that no two experiments share their noise.
+
+    Returns
+    -------
+    numpy.random.Generator
+        The same on every machine.
+    """
+    return np.random.default_rng([seed, *(zlib.crc32(name.encode()) for name in names)])
+
+
+def numbers(**values: ArrayLike) -> Numbers:
+    """Return results as float64 arrays by name.
+
+    Parameters
+    ----------
+    **values : array_like
+        Numbers and arrays.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Ready to be kept.
+    """
+    return {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+
+
+def stacked(results: Results, name: str) -> FloatArray:
+    """Return one result of all repetitions.
+
+    Parameters
+    ----------
+    results : sequence of Numbers
+        One for each repetition.
+    name : str
+        Which.
+
+    Returns
+    -------
+    (k, ...) ndarray
+        Repetitions first.
+    """
+    return np.stack([result[name] for result in results])
+
+
+def estimate(values: ArrayLike) -> Estimate:
+    """Return the mean over repetitions with its standard error.
+
+    Parameters
+    ----------
+    values : (k,) array_like
+        One value for each repetition.
+
+    Returns
+    -------
+    Estimate
+        The error is NaN for one repetition.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1:
+        raise ModelError(f"an estimate from an array of shape {array.shape}", expected="(k,)")
+    error = array.std(ddof=1) / np.sqrt(array.size) if array.size > 1 else np.nan
+    return Estimate(float(array.mean()), float(error))

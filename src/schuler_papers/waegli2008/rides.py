@@ -1,0 +1,150 @@
+"""The two rides of Waegli 2008 with known truth: two IMUs on skis, four on a motorcycle.
+
+Every IMU is of the kind that the paper had: white noise of 0.0194 rad/s a sample at 100 Hz, one
+Gauss-Markov bias an axis (its equation (5)), the same law for all, a draw of its own for each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from schuler.arrays.geometry import orthogonal_mounting, tetrahedron_mounting
+from schuler.data import CHANNELS, GnssRecording, Trajectory
+from schuler.data.array import ImuArray, Mounting
+from schuler.noise import GaussMarkov, NoiseModel, WhiteNoise
+from schuler.rotations import euler_from_dcm
+from schuler.simulation import (
+    L1_CODE,
+    RTK_FIXED,
+    GnssGrade,
+    motorcycle,
+    simulate_array,
+    simulate_receiver,
+    ski,
+)
+from schuler.types import FloatArray
+from schuler_papers.experiment import Size, generator
+
+PAPER = "waegli2008"
+RATE = 100.0
+GYRO_SD = 0.0194
+"""rad/s a sample: the mean of the paper's four MTi."""
+GYRO_BIAS, ACCEL_BIAS = float(np.radians(1.0)), 0.04
+"""Gauss-Markov, rad/s and m/s²: 1 deg/s and 4 mg."""
+GYRO_TIME, ACCEL_TIME = 3000.0, 1000.0
+"""Correlation times, s."""
+SKI_GYRO_TIME = 10_000.0
+"""Of the gyros on skis, s: a bias that wanders while the skier waits turns the heading."""
+ACCEL_SD = 0.02
+"""m/s² a sample."""
+COMPASS = np.radians(2.0)
+"""Of the heading at the start: an MTi has magnetometers, rad."""
+RADIUS = 0.04
+"""Of the tetrahedron, m."""
+
+Receiver = Literal["L1", "L1/L2"]
+GRADES: dict[Receiver, GnssGrade] = {"L1": L1_CODE, "L1/L2": RTK_FIXED}
+
+
+def mti(bias: float = 1.0, gyro_time: float = GYRO_TIME) -> NoiseModel:
+    """Return the noise of one of the paper's MTi.
+
+    Parameters
+    ----------
+    bias : float
+        Factor on the biases.
+    gyro_time : float
+        Correlation time of the gyros' biases, s.
+
+    Returns
+    -------
+    NoiseModel
+        White noise and one Gauss-Markov bias an axis.
+    """
+    gyro = WhiteNoise(GYRO_SD / np.sqrt(RATE)) + GaussMarkov(bias * GYRO_BIAS, gyro_time)
+    accel = WhiteNoise(ACCEL_SD / np.sqrt(RATE)) + GaussMarkov(bias * ACCEL_BIAS, ACCEL_TIME)
+    return NoiseModel(
+        {c: gyro if c.startswith("gyro") else accel for c in CHANNELS},
+        rate=RATE,
+        source="MTi as in Waegli 2008",
+    )
+
+
+class Ride:
+    """Recordings of one draw of a ride, and its truth.
+
+    Parameters
+    ----------
+    kind : {"ski", "motorcycle"}
+        Which ride.
+    seed : int
+        Number of the repetition.
+    size : {"quick", "full"}
+        Length.
+    biases : tuple of float
+        Factor on the biases of each IMU.
+    """
+
+    def __init__(
+        self,
+        kind: Literal["ski", "motorcycle"],
+        seed: int,
+        size: Size,
+        biases: tuple[float, ...],
+    ) -> None:
+        rng = generator(seed, PAPER, kind)
+        gyro_time = SKI_GYRO_TIME if kind == "ski" else GYRO_TIME
+        self.models = tuple(mti(b, gyro_time) for b in biases)
+        mounting: Mounting
+        if kind == "ski":
+            standstill, moving = 60.0, 60.0
+            self.profile = ski(standstill, moving, rng.spawn(1)[0])
+            mounting = Mounting(
+                orthogonal_mounting(len(biases)).rotation,
+                np.array([[0.03 * (-1.0) ** i, 0.0, 0.0] for i in range(len(biases))]),
+            )
+        else:
+            standstill, moving = (40.0, 80.0) if size == "quick" else (60.0, 180.0)
+            self.profile = motorcycle(standstill + moving, rng.spawn(1)[0], standstill=standstill)
+            mounting = tetrahedron_mounting(RADIUS)
+        self.mounting = mounting
+        # errors count once the ride is on its way
+        self.judged = (standstill + (10.0 if kind == "ski" else 25.0), standstill + moving)
+        noise, compass, *receivers = rng.spawn(2 + len(GRADES))
+        yaw = euler_from_dcm(self.profile.trajectory(np.zeros(1)).rotation[0])[2]
+        self.heading = float(yaw + COMPASS * compass.standard_normal())
+        self._receivers = dict(zip(GRADES, receivers, strict=True))
+        ideal = simulate_array(
+            self.profile, mounting.rotation, mounting.position, None, RATE, noise
+        )
+        clean = ImuArray.from_recordings(ideal, mounting)
+        self.biases, white = self._errors(clean.size, noise)
+        self.array = replace(
+            clean,
+            gyro=clean.gyro + self.biases[:, :, :3] + white[:, :, :3],
+            accel=clean.accel + self.biases[:, :, 3:] + white[:, :, 3:],
+        )
+
+    def _errors(self, size: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """Biases and white noise (n, k, 6) by IMU and channel, gyros first."""
+        shape = (size, len(self.models), len(CHANNELS))
+        bias, white = np.empty(shape), np.empty(shape)
+        for i, model in enumerate(self.models):
+            for c, channel in enumerate(CHANNELS):
+                noise, markov = model.process(channel).components
+                white[:, i, c] = noise.simulate(size, 1.0 / RATE, rng)
+                bias[:, i, c] = markov.simulate(size, 1.0 / RATE, rng)
+        return bias, white
+
+    def gnss(self, receiver: Receiver) -> GnssRecording:
+        """Return what a receiver of a grade records once a second."""
+        return simulate_receiver(self.profile, GRADES[receiver], 1.0, rng=self._receivers[receiver])
+
+    @property
+    def truth(self) -> Trajectory:
+        """Of the origin of the body, ten times a second."""
+        start, stop = self.judged
+        return self.profile.trajectory(np.arange(start, stop, 0.1))
