@@ -44,18 +44,7 @@ def _positions(values: ArrayLike, what: str = "position") -> FloatArray:
 
 
 def radii(latitude: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the radii of curvature of the ellipsoid.
-
-    Parameters
-    ----------
-    latitude : (...) array_like
-        Radians.
-
-    Returns
-    -------
-    meridian, transverse : (...) ndarray
-        R_M (north-south) and R_N (east-west), m. Source: Groves (2.105), (2.106).
-    """
+    """Return the radii of curvature of the ellipsoid."""
     w2 = 1.0 - ECCENTRICITY_SQUARED * np.sin(np.asarray(latitude, dtype=np.float64)) ** 2
     transverse = SEMI_MAJOR_AXIS / np.sqrt(w2)
     meridian = transverse * (1.0 - ECCENTRICITY_SQUARED) / w2
@@ -63,18 +52,7 @@ def radii(latitude: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 
 def radii_slopes(latitude: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of the radii of curvature with latitude.
-
-    Parameters
-    ----------
-    latitude : (...) array_like
-        Radians.
-
-    Returns
-    -------
-    meridian_slope, transverse_slope : (...) ndarray
-        dR_M/dL and dR_N/dL, m/rad: `radii` differentiated.
-    """
+    """Return the derivatives of the radii of curvature with latitude."""
     lat = np.asarray(latitude, dtype=np.float64)
     w2 = 1.0 - ECCENTRICITY_SQUARED * np.sin(lat) ** 2
     common = ECCENTRICITY_SQUARED * np.sin(lat) * np.cos(lat) / w2
@@ -83,23 +61,7 @@ def radii_slopes(latitude: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 
 def metres_per_radian(position: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return how many metres north and east a radian of latitude and longitude is.
-
-    Parameters
-    ----------
-    position : (..., 3) array_like
-        Latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    north, east : (...) ndarray
-        R_M + h and (R_N + h) cos L, m/rad: for small displacements, and for velocities.
-
-    Raises
-    ------
-    InputError
-        The last axis is not three long.
-    """
+    """Return how many metres north and east a radian of latitude and longitude is."""
     p = _positions(position)
     meridian, transverse = radii(p[..., 0])
     north = meridian + p[..., 2]
@@ -107,22 +69,7 @@ def metres_per_radian(position: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 
 def gravity(latitude: ArrayLike, height: ArrayLike) -> FloatArray:
-    """Return normal gravity, which points down.
-
-    Parameters
-    ----------
-    latitude : (...) array_like
-        Radians.
-    height : (...) array_like
-        Metres above the ellipsoid; good to 1e-6 of gravity below 20 km.
-
-    Returns
-    -------
-    (...) ndarray
-        m/s²: Somigliana's formula on the ellipsoid, times the free-air series to second order
-        in height. The north component, 8e-9 h sin 2L m/s², is left out. Source: TR8350.2 (4-1)
-        and (4-3); Groves (2.134), (2.139).
-    """
+    """Return normal gravity, which points down."""
     lat = np.asarray(latitude, dtype=np.float64)
     h = np.asarray(height, dtype=np.float64)
     sin2 = np.sin(lat) ** 2
@@ -136,18 +83,7 @@ def gravity(latitude: ArrayLike, height: ArrayLike) -> FloatArray:
 
 
 def earth_rate_ned(latitude: ArrayLike) -> FloatArray:
-    """Return the rotation of the earth in inertial space.
-
-    Parameters
-    ----------
-    latitude : (...) array_like
-        Radians.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        w_ie in north, east, down, rad/s. Source: Groves (2.123).
-    """
+    """Return the rotation of the earth in inertial space."""
     lat = np.asarray(latitude, dtype=np.float64)
     rate = np.zeros((*lat.shape, 3))
     rate[..., 0] = EARTH_RATE * np.cos(lat)
@@ -156,25 +92,7 @@ def earth_rate_ned(latitude: ArrayLike) -> FloatArray:
 
 
 def transport_rate_ned(position: ArrayLike, velocity: ArrayLike) -> FloatArray:
-    """Return the rotation of the local level frame over the earth.
-
-    Parameters
-    ----------
-    position : (..., 3) array_like
-        Latitude rad, longitude rad, height m; not at a pole.
-    velocity : (..., 3) array_like
-        North, east, down, m/s.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        w_en in north, east, down, rad/s. Source: Groves (5.44).
-
-    Raises
-    ------
-    InputError
-        The last axes are not three long.
-    """
+    """Return the rotation of the local level frame over the earth."""
     p, v = _positions(position), _positions(velocity, "velocity")
     meridian, transverse = radii(p[..., 0])
     rate = np.empty(np.broadcast_shapes(p.shape, v.shape))
@@ -185,23 +103,7 @@ def transport_rate_ned(position: ArrayLike, velocity: ArrayLike) -> FloatArray:
 
 
 def ecef_from_geodetic(position: ArrayLike) -> FloatArray:
-    """Return earth-centred earth-fixed coordinates.
-
-    Parameters
-    ----------
-    position : (..., 3) array_like
-        Latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        x (Greenwich), y (90 degrees east), z (north), m. Source: Groves (2.112).
-
-    Raises
-    ------
-    InputError
-        The last axis is not three long.
-    """
+    """Return earth-centred earth-fixed coordinates."""
     p = _positions(position)
     lat, lon, h = p[..., 0], p[..., 1], p[..., 2]
     _, transverse = radii(lat)
@@ -211,26 +113,7 @@ def ecef_from_geodetic(position: ArrayLike) -> FloatArray:
 
 
 def geodetic_from_ecef(ecef: ArrayLike) -> FloatArray:
-    """Return latitude, longitude and height.
-
-    Parameters
-    ----------
-    ecef : (..., 3) array_like
-        x, y, z in m, more than 100 km from the centre of the earth.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        Latitude rad, longitude rad, height m, right to rounding (some 1e-9 m): Bowring's
-        iteration on the parametric latitude, whose error falls by more than a thousand in each
-        of five rounds, and a height formula that holds at the poles. Source: Bowring 1976, Survey
-        Review 23(181).
-
-    Raises
-    ------
-    InputError
-        The last axis is not three long.
-    """
+    """Return latitude, longitude and height."""
     r = _positions(ecef, "ECEF position")
     a, b, e2 = SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS, ECCENTRICITY_SQUARED
     from_axis, z = np.hypot(r[..., 0], r[..., 1]), r[..., 2]
@@ -251,18 +134,7 @@ def geodetic_from_ecef(ecef: ArrayLike) -> FloatArray:
 
 
 def ned_from_ecef_rotation(latitude: ArrayLike, longitude: ArrayLike) -> FloatArray:
-    """Return C_ne, which takes earth-fixed vectors into north, east, down.
-
-    Parameters
-    ----------
-    latitude, longitude : (...) array_like
-        Radians; shapes that broadcast.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-        Rotation matrix. Source: Groves (2.150).
-    """
+    """Return C_ne, which takes earth-fixed vectors into north, east, down."""
     lat, lon = np.broadcast_arrays(
         np.asarray(latitude, dtype=np.float64), np.asarray(longitude, dtype=np.float64)
     )
@@ -277,29 +149,7 @@ def ned_from_ecef_rotation(latitude: ArrayLike, longitude: ArrayLike) -> FloatAr
 
 
 def ned_from_geodetic(position: ArrayLike, origin: ArrayLike) -> FloatArray:
-    """Return coordinates in the plane that touches the earth at an origin.
-
-    The straight line from the origin to the position is turned into the north, east and down
-    of the origin: exact at any distance, but down grows with the square of the distance as the
-    earth falls away (8 cm at 1 km). For differences along the surface use `metres_per_radian`.
-
-    Parameters
-    ----------
-    position : (..., 3) array_like
-        Latitude rad, longitude rad, height m.
-    origin : (3,) or (..., 3) array_like
-        Likewise; its leading axes broadcast with those of `position`.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        North, east, down, m.
-
-    Raises
-    ------
-    InputError
-        The last axes are not three long.
-    """
+    """Return coordinates in the plane that touches the earth at an origin."""
     o = _positions(origin, "origin")
     line = ecef_from_geodetic(position) - ecef_from_geodetic(o)
     rotation = ned_from_ecef_rotation(o[..., 0], o[..., 1])
@@ -307,25 +157,7 @@ def ned_from_geodetic(position: ArrayLike, origin: ArrayLike) -> FloatArray:
 
 
 def geodetic_from_ned(ned: ArrayLike, origin: ArrayLike) -> FloatArray:
-    """Return the position of a point given in the plane that touches the earth at an origin.
-
-    Parameters
-    ----------
-    ned : (..., 3) array_like
-        North, east, down, m: the inverse of `ned_from_geodetic`, as exact.
-    origin : (3,) or (..., 3) array_like
-        Latitude rad, longitude rad, height m; its leading axes broadcast with those of `ned`.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        Latitude rad, longitude rad, height m.
-
-    Raises
-    ------
-    InputError
-        The last axes are not three long.
-    """
+    """Return the position of a point given in the plane that touches the earth at an origin."""
     vector, o = _positions(ned, "local position"), _positions(origin, "origin")
     rotation = np.swapaxes(ned_from_ecef_rotation(o[..., 0], o[..., 1]), -1, -2)
     return geodetic_from_ecef(ecef_from_geodetic(o) + (rotation @ vector[..., None])[..., 0])

@@ -39,23 +39,7 @@ def _matrices(values: ArrayLike, what: str = "rotation matrix") -> FloatArray:
 
 
 def skew(vector: ArrayLike) -> FloatArray:
-    """Return the matrix [a x], with [a x] b = a x b.
-
-    Parameters
-    ----------
-    vector : (..., 3) array_like
-        The vector a, any unit.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-        Skew-symmetric matrix, same unit.
-
-    Raises
-    ------
-    InputError
-        The last axis is not three long.
-    """
+    """Return the matrix [a x], with [a x] b = a x b."""
     a = _vectors(vector, "vector")
     matrix = np.zeros((*a.shape, 3))
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -a[..., 2], a[..., 1], -a[..., 0]
@@ -64,18 +48,7 @@ def skew(vector: ArrayLike) -> FloatArray:
 
 
 def dcm_from_euler(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> FloatArray:
-    """Return C_nb of yaw-pitch-roll (Z-Y-X) Euler angles.
-
-    Parameters
-    ----------
-    roll, pitch, yaw : (...) array_like
-        Radians; shapes that broadcast.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-        Takes body vectors into n. Source: S004 (25), spec 0.
-    """
+    """Return C_nb of yaw-pitch-roll (Z-Y-X) Euler angles."""
     phi, theta, psi = np.broadcast_arrays(
         *(np.asarray(angle, dtype=np.float64) for angle in (roll, pitch, yaw))
     )
@@ -96,25 +69,7 @@ def dcm_from_euler(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> FloatAr
 
 
 def euler_from_dcm(c_nb: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the Euler angles of C_nb.
-
-    Parameters
-    ----------
-    c_nb : (..., 3, 3) array_like
-        Takes body vectors into n.
-
-    Returns
-    -------
-    roll, pitch, yaw : (...) ndarray
-        Radians; pitch within +-pi/2, the others within +-pi. In gimbal lock (pitch of +-pi/2)
-        roll is set to zero. The angles always give the matrix back to rounding, also close to
-        gimbal lock: yaw is taken from the matrix after this very roll has been undone.
-
-    Raises
-    ------
-    InputError
-        The last two axes are not 3 x 3.
-    """
+    """Return the Euler angles of C_nb."""
     c = _matrices(c_nb)
     cos_pitch = np.hypot(c[..., 2, 1], c[..., 2, 2])
     pitch = np.arctan2(-c[..., 2, 0], cos_pitch)
@@ -127,23 +82,7 @@ def euler_from_dcm(c_nb: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]
 
 
 def quaternion_product(p: ArrayLike, q: ArrayLike) -> FloatArray:
-    """Return Hamilton's product p q; C(p q) = C(p) C(q).
-
-    Parameters
-    ----------
-    p, q : (..., 4) array_like
-        Quaternions, scalar first.
-
-    Returns
-    -------
-    (..., 4) ndarray
-        The product.
-
-    Raises
-    ------
-    InputError
-        The last axis is not four long.
-    """
+    """Return Hamilton's product p q; C(p q) = C(p) C(q)."""
     a, b = _vectors(p, "quaternion", 4), _vectors(q, "quaternion", 4)
     a, b = np.broadcast_arrays(a, b)
     product = np.empty(a.shape)
@@ -155,23 +94,7 @@ def quaternion_product(p: ArrayLike, q: ArrayLike) -> FloatArray:
 
 
 def dcm_from_quaternion(quaternion: ArrayLike) -> FloatArray:
-    """Return the matrix of a quaternion, which is normalised first.
-
-    Parameters
-    ----------
-    quaternion : (..., 4) array_like
-        Scalar first; q and -q are the same rotation.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-        C = I + 2 w [v x] + 2 [v x]². Source: Titterton & Weston, 2nd ed., 3.6.
-
-    Raises
-    ------
-    InputError
-        The last axis is not four long, or a quaternion has no length.
-    """
+    """Return the matrix of a quaternion, which is normalised first."""
     q = _vectors(quaternion, "quaternion", 4)
     length = np.linalg.norm(q, axis=-1, keepdims=True)
     if not np.all(length > 0.0):
@@ -182,24 +105,7 @@ def dcm_from_quaternion(quaternion: ArrayLike) -> FloatArray:
 
 
 def quaternion_from_dcm(c_nb: ArrayLike) -> FloatArray:
-    """Return the quaternion of a rotation matrix, with scalar part not negative.
-
-    Parameters
-    ----------
-    c_nb : (..., 3, 3) array_like
-        Rotation matrix.
-
-    Returns
-    -------
-    (..., 4) ndarray
-        Unit quaternion, scalar first: the largest column of 4 q q', so that no digits are lost
-        at any angle. Source: Shepperd 1978, J. Guidance and Control 1(3).
-
-    Raises
-    ------
-    InputError
-        The last two axes are not 3 x 3.
-    """
+    """Return the quaternion of a rotation matrix, with scalar part not negative."""
     c = _matrices(c_nb)
     outer = np.empty((*c.shape[:-2], 4, 4))  # 4 q q'
     x, y, z = c[..., 0, 0], c[..., 1, 1], c[..., 2, 2]
@@ -219,46 +125,14 @@ def quaternion_from_dcm(c_nb: ArrayLike) -> FloatArray:
 
 
 def quaternion_from_rotation_vector(rotation_vector: ArrayLike) -> FloatArray:
-    """Return the quaternion of a rotation vector.
-
-    Parameters
-    ----------
-    rotation_vector : (..., 3) array_like
-        Axis times angle, rad; any length.
-
-    Returns
-    -------
-    (..., 4) ndarray
-        Unit quaternion, scalar first. Source: Titterton & Weston, 2nd ed., 11.2.
-
-    Raises
-    ------
-    InputError
-        The last axis is not three long.
-    """
+    """Return the quaternion of a rotation vector."""
     p = _vectors(rotation_vector, "rotation vector")
     half = 0.5 * np.linalg.norm(p, axis=-1, keepdims=True)
     return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * p], axis=-1)
 
 
 def rotation_vector_from_quaternion(quaternion: ArrayLike) -> FloatArray:
-    """Return the shortest rotation vector of a quaternion.
-
-    Parameters
-    ----------
-    quaternion : (..., 4) array_like
-        Scalar first; its length does not matter.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        Axis times angle, rad, of length pi at most.
-
-    Raises
-    ------
-    InputError
-        The last axis is not four long.
-    """
+    """Return the shortest rotation vector of a quaternion."""
     q = _vectors(quaternion, "quaternion", 4)
     q = np.where(q[..., :1] < 0.0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
@@ -273,23 +147,7 @@ def rotation_vector_from_quaternion(quaternion: ArrayLike) -> FloatArray:
 
 
 def dcm_from_rotation_vector(rotation_vector: ArrayLike) -> FloatArray:
-    """Return the matrix exp([p x]) of a rotation vector p.
-
-    Parameters
-    ----------
-    rotation_vector : (..., 3) array_like
-        Axis times angle, rad; any length.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-        Rotation matrix. Source: the formula of Rodrigues.
-
-    Raises
-    ------
-    InputError
-        The last axis is not three long.
-    """
+    """Return the matrix exp([p x]) of a rotation vector p."""
     p = _vectors(rotation_vector, "rotation vector")
     angle = np.linalg.norm(p, axis=-1)[..., None, None]
     cross = skew(p)
@@ -299,44 +157,12 @@ def dcm_from_rotation_vector(rotation_vector: ArrayLike) -> FloatArray:
 
 
 def rotation_vector_from_dcm(c_nb: ArrayLike) -> FloatArray:
-    """Return the shortest rotation vector of a rotation matrix.
-
-    Parameters
-    ----------
-    c_nb : (..., 3, 3) array_like
-        Rotation matrix.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        Axis times angle, rad, of length pi at most; at pi itself either sign is right.
-
-    Raises
-    ------
-    InputError
-        The last two axes are not 3 x 3.
-    """
+    """Return the shortest rotation vector of a rotation matrix."""
     return rotation_vector_from_quaternion(quaternion_from_dcm(c_nb))
 
 
 def orthonormalize(matrix: ArrayLike) -> FloatArray:
-    """Return the rotation nearest to a matrix, in the sense of least squares.
-
-    Parameters
-    ----------
-    matrix : (..., 3, 3) array_like
-        A rotation matrix that has lost its shape, or a weighted sum of rotations.
-
-    Returns
-    -------
-    (..., 3, 3) ndarray
-        Rotation with determinant +1. Source: Markley 1988 (SVD method).
-
-    Raises
-    ------
-    InputError
-        The last two axes are not 3 x 3, or values are not finite.
-    """
+    """Return the rotation nearest to a matrix, in the sense of least squares."""
     m = _matrices(matrix)
     if not np.isfinite(m).all():
         raise InputError("a rotation matrix holds values that are not finite")
@@ -347,25 +173,7 @@ def orthonormalize(matrix: ArrayLike) -> FloatArray:
 
 
 def mean_rotation(rotations: ArrayLike, weights: ArrayLike | None = None) -> FloatArray:
-    """Return the chordal mean of rotations.
-
-    Parameters
-    ----------
-    rotations : (k, 3, 3) array_like
-        Rotation matrices.
-    weights : (k,) array_like, optional
-        Not negative; equal if not given.
-
-    Returns
-    -------
-    (3, 3) ndarray
-        The rotation with the least weighted sum of squared differences from all.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes.
-    """
+    """Return the chordal mean of rotations."""
     c = _matrices(rotations)
     w = np.ones(c.shape[0]) if weights is None else np.asarray(weights, dtype=np.float64)
     if c.ndim != 3 or w.shape != (c.shape[0],):
@@ -377,30 +185,7 @@ def mean_rotation(rotations: ArrayLike, weights: ArrayLike | None = None) -> Flo
 
 
 def wahba(a: ArrayLike, b: ArrayLike, weights: ArrayLike | None = None) -> FloatArray:
-    """Return the rotation that takes the vectors b onto the vectors a.
-
-    Parameters
-    ----------
-    a : (k, 3) array_like
-        Vectors in the first frame, any unit.
-    b : (k, 3) array_like
-        The same vectors in the second frame.
-    weights : (k,) array_like, optional
-        Not negative; equal if not given.
-
-    Returns
-    -------
-    (3, 3) ndarray
-        C_ab of least weighted sum of |a - C_ab b|². Source: Markley 1988, "Attitude
-        determination using vector observations and the singular value decomposition".
-
-    Raises
-    ------
-    InputError
-        Wrong shapes.
-    EstimationError
-        All vectors lie along one line: the rotation about it is not determined.
-    """
+    """Return the rotation that takes the vectors b onto the vectors a."""
     first, second = _vectors(a, "first vectors"), _vectors(b, "second vectors")
     w = np.ones(first.shape[0]) if weights is None else np.asarray(weights, dtype=np.float64)
     if first.ndim != 2 or first.shape != second.shape or w.shape != (first.shape[0],):

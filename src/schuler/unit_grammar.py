@@ -20,18 +20,7 @@ Dimension = tuple[Fraction, Fraction, Fraction]
 
 
 def dimension_of(length: str = "0", time: str = "0", angle: str = "0") -> Dimension:
-    """Return a dimension from its powers, written as fractions.
-
-    Parameters
-    ----------
-    length, time, angle : str
-        E.g. ``"-3/2"``.
-
-    Returns
-    -------
-    tuple of Fraction
-        Powers of length, time, angle.
-    """
+    """Return a dimension from its powers, written as fractions."""
     return Fraction(length), Fraction(time), Fraction(angle)
 
 
@@ -152,23 +141,7 @@ def _tokens(unit: str) -> Iterator[tuple[str, str]]:
 
 
 def evaluate(unit: str) -> tuple[float, Dimension]:
-    """Return the SI value of one such unit and its dimension.
-
-    Parameters
-    ----------
-    unit : str
-        E.g. ``"deg/sqrt(h)"``.
-
-    Returns
-    -------
-    tuple of float and Dimension
-        Factor to SI, powers of length, time and angle.
-
-    Raises
-    ------
-    UnitError
-        A unit that is not known, or text that is no unit.
-    """
+    """Return the SI value of one such unit and its dimension."""
     tokens = list(_tokens(unit))
     factor, dimension, rest = _product(unit, tokens)
     if rest:

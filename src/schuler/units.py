@@ -111,23 +111,7 @@ _MEASURED = {
 
 
 def kind_of(name: str) -> Kind:
-    """Return the kind of a name, forgiving about spelling.
-
-    Parameters
-    ----------
-    name : str
-        E.g. ``"gyro white noise"``, ``"accelerometer turn-on bias"``, ``"correlation_time"``.
-
-    Returns
-    -------
-    Kind
-        Its dimension and units.
-
-    Raises
-    ------
-    UnitError
-        There is no such kind.
-    """
+    """Return the kind of a name, forgiving about spelling."""
     text = " ".join(name.lower().replace("_", " ").split())
     text = text.replace("accelerometer", "accel").replace("gyroscope", "gyro")
     text = text.replace("quantisation", "quantization")
@@ -142,37 +126,7 @@ def kind_of(name: str) -> Kind:
 
 
 def parse(text: str | float, kind: str, default_unit: str | None = None) -> float:
-    """Return the SI value of a number with a unit.
-
-    Parameters
-    ----------
-    text : str or float
-        E.g. ``"0.24 deg/sqrt(h)"``, ``"70 µg/√Hz"``, ``"4.6 m/s/h"``. A bare number (not text) is
-        SI already.
-    kind : str
-        What it must be; see `KINDS`.
-    default_unit : str, optional
-        Unit of a text that is a number only.
-
-    Returns
-    -------
-    float
-        Value in SI units and radians.
-
-    Raises
-    ------
-    UnitError
-        Not a number, no unit, a unit that is not known, or a unit of another kind.
-
-    Notes
-    -----
-    Factors: spec section 0, table of units.
-
-    Examples
-    --------
-    >>> round(parse("0.24 deg/sqrt(h)", "gyro white noise"), 9)
-    6.9813e-05
-    """
+    """Return the SI value of a number with a unit."""
     wanted = kind_of(kind)
     if isinstance(text, (int, float)) and not isinstance(text, bool):
         return _finite(float(text), str(text))
@@ -202,55 +156,14 @@ def format_value(
     units: Literal["datasheet", "si"] | str = "datasheet",
     digits: int = 12,
 ) -> str:
-    """Write an SI value with its unit, so that `parse` reads it back.
-
-    Parameters
-    ----------
-    value : float
-        SI value.
-    kind : str
-        What it is; see `KINDS`.
-    units : {"datasheet", "si"} or str
-        The usual unit of datasheets, the SI unit, or a unit of your own.
-    digits : int
-        Significant digits; 12 keep the value to 1e-11 of itself.
-
-    Returns
-    -------
-    str
-        E.g. ``"0.24 deg/sqrt(h)"``.
-
-    Raises
-    ------
-    UnitError
-        A unit of another kind.
-    """
+    """Write an SI value with its unit, so that `parse` reads it back."""
     wanted = kind_of(kind)
     unit = {"datasheet": wanted.datasheet, "si": wanted.si}.get(units, units)
     return f"{value / scale(unit, kind):.{digits}g} {unit}".rstrip()
 
 
 def scale(unit: str, kind: str) -> float:
-    """Return the factor from a unit to SI.
-
-    Parameters
-    ----------
-    unit : str
-        E.g. ``"deg/s"``, ``"mg"``, ``"ms"``, ``"m_s2"`` (underscore for 'per', as in the names
-        of columns).
-    kind : str
-        What it must measure; see `KINDS`.
-
-    Returns
-    -------
-    float
-        SI value of one such unit.
-
-    Raises
-    ------
-    UnitError
-        A unit that is not known, or of another kind.
-    """
+    """Return the factor from a unit to SI."""
     wanted = kind_of(kind)
     factor, dimension = evaluate(unit)
     if dimension != wanted.dimension:
@@ -263,20 +176,7 @@ def scale(unit: str, kind: str) -> float:
 
 
 def measures(unit: str, kind: str) -> bool:
-    """Tell whether a unit is known and measures that kind of quantity.
-
-    Parameters
-    ----------
-    unit : str
-        Any text.
-    kind : str
-        See `KINDS`.
-
-    Returns
-    -------
-    bool
-        True when `scale` would return a factor.
-    """
+    """Tell whether a unit is known and measures that kind of quantity."""
     try:
         scale(unit, kind)
     except UnitError:

@@ -131,19 +131,7 @@ def _write(found: Reproduction, outputs: Outputs, report: Path | None, json: Pat
 def show_reproduction(
     screen: Screen, found: Reproduction, written: tuple[Path, ...] = (), *, detailed: bool = False
 ) -> None:
-    """Print verdicts, one line an item, or all values of a few.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    found : Reproduction
-        What came out.
-    written : tuple of Path
-        Files that were written.
-    detailed : bool
-        Show every value.
-    """
+    """Print verdicts, one line an item, or all values of a few."""
     from schuler.report.numbers import duration
     from schuler_papers.registry import PAPERS
     from schuler_papers.report_section import (

@@ -63,23 +63,7 @@ class Difference:
 
 
 def compare_runs(first: Reproduction, second: Reproduction) -> tuple[Difference, ...]:
-    """Return every value that both runs have.
-
-    Parameters
-    ----------
-    first, second : Reproduction
-        Two runs, such as two machines, two versions, or quick and full.
-
-    Returns
-    -------
-    tuple of Difference
-        In the order of the first run.
-
-    Raises
-    ------
-    InputError
-        They have nothing in common.
-    """
+    """Return every value that both runs have."""
     known = {
         (r.experiment.paper, r.item.label, k): row
         for r in second.items

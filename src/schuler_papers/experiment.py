@@ -35,18 +35,7 @@ class Repetitions:
     full: int = 1
 
     def of(self, size: Size) -> int:
-        """Return the number of seeds for a size.
-
-        Parameters
-        ----------
-        size : {"quick", "full"}
-            Size of the study.
-
-        Returns
-        -------
-        int
-            Number of seeds.
-        """
+        """Return the number of seeds for a size."""
         return self.quick if size == "quick" else self.full
 
 
@@ -115,70 +104,22 @@ class Experiment:
 
 
 def generator(seed: int, *names: str) -> np.random.Generator:
-    """Return the generator of one repetition of one experiment.
-
-    Parameters
-    ----------
-    seed : int
-        Number of the repetition.
-    *names : str
-        Paper and experiment, so that no two experiments share their noise.
-
-    Returns
-    -------
-    numpy.random.Generator
-        The same on every machine.
-    """
+    """Return the generator of one repetition of one experiment."""
     return np.random.default_rng([seed, *(zlib.crc32(name.encode()) for name in names)])
 
 
 def numbers(**values: ArrayLike) -> Numbers:
-    """Return results as float64 arrays by name.
-
-    Parameters
-    ----------
-    **values : array_like
-        Numbers and arrays.
-
-    Returns
-    -------
-    dict of str to ndarray
-        Ready to be kept.
-    """
+    """Return results as float64 arrays by name."""
     return {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
 
 
 def stacked(results: Results, name: str) -> FloatArray:
-    """Return one result of all repetitions.
-
-    Parameters
-    ----------
-    results : sequence of Numbers
-        One for each repetition.
-    name : str
-        Which.
-
-    Returns
-    -------
-    (k, ...) ndarray
-        Repetitions first.
-    """
+    """Return one result of all repetitions."""
     return np.stack([result[name] for result in results])
 
 
 def estimate(values: ArrayLike) -> Estimate:
-    """Return the mean over repetitions with its standard error.
-
-    Parameters
-    ----------
-    values : (k,) array_like
-        One value for each repetition.
-
-    Returns
-    -------
-    Estimate
-        The error is NaN for one repetition.
-    """
+    """Return the mean over repetitions with its standard error."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 1:
         raise ModelError(f"an estimate from an array of shape {array.shape}", expected="(k,)")

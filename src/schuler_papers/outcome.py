@@ -68,18 +68,7 @@ class Band:
             raise ModelError("a frozen band without a note", expected="the value that was measured")
 
     def holds(self, value: Estimate) -> bool:
-        """Tell whether a value lies in the band.
-
-        Parameters
-        ----------
-        value : Estimate
-            Value with standard error.
-
-        Returns
-        -------
-        bool
-            False also for NaN.
-        """
+        """Tell whether a value lies in the band."""
         error = value.standard_error if math.isfinite(value.standard_error) else 0.0
         slack = self.standard_errors * error
         return self.low - slack <= value.value <= self.high + slack

@@ -76,23 +76,7 @@ PAPERS = {
 
 
 def find_paper(name: str) -> Paper:
-    """Return a paper by its name or number.
-
-    Parameters
-    ----------
-    name : str
-        "waegli2010" or "S000", in any case.
-
-    Returns
-    -------
-    Paper
-        The paper.
-
-    Raises
-    ------
-    InputError
-        There is none of that name.
-    """
+    """Return a paper by its name or number."""
     for paper in PAPERS.values():
         if name.lower() in (paper.name, paper.label.lower()):
             return paper
@@ -101,23 +85,7 @@ def find_paper(name: str) -> Paper:
 
 
 def experiments_of(paper: str) -> tuple[Experiment, ...]:
-    """Return the experiments of a paper.
-
-    Parameters
-    ----------
-    paper : str
-        Name or number.
-
-    Returns
-    -------
-    tuple of Experiment
-        In the order of the paper; empty where none is written down.
-
-    Raises
-    ------
-    InputError
-        There is no such paper.
-    """
+    """Return the experiments of a paper."""
     module = f"schuler_papers.{find_paper(paper).name}"
     if find_spec(module) is None:
         return ()

@@ -68,52 +68,19 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @register
 def reproduction_sections(result: Reproduction) -> tuple[Section, ...]:
-    """Show papers done again.
-
-    Parameters
-    ----------
-    result : Reproduction
-        All items with their rows.
-
-    Returns
-    -------
-    tuple of Section
-        An overview, then one section a paper.
-    """
+    """Show papers done again."""
     papers = [p for p in PAPERS.values() if any(r.paper.name == p.name for r in result.items)]
     sections = [_overview(result, papers)] if len(papers) > 1 or result.left_out else []
     return (*sections, *(_paper(result, paper) for paper in papers))
 
 
 def verdict_of(row: Row) -> str:
-    """Return the verdict of a row, or that it lies outside its band.
-
-    Parameters
-    ----------
-    row : Row
-        Printed and own value.
-
-    Returns
-    -------
-    str
-        A key of `TONES`.
-    """
+    """Return the verdict of a row, or that it lies outside its band."""
     return row.verdict if row.holds else "outside its band"
 
 
 def verdict_of_item(outcome: Outcome) -> str:
-    """Return the verdict of the main claim, which stands first, unless a value is off.
-
-    Parameters
-    ----------
-    outcome : Outcome
-        Of one item.
-
-    Returns
-    -------
-    str
-        A key of `TONES`.
-    """
+    """Return the verdict of the main claim, which stands first, unless a value is off."""
     if not outcome.holds:
         return "outside its band"
     claims = [row.verdict for row in outcome.rows if row.verdict != "beyond the paper"]
@@ -121,34 +88,12 @@ def verdict_of_item(outcome: Outcome) -> str:
 
 
 def slips_of(outcome: Outcome) -> str:
-    """Return the labels of the slips that the rows of an item prove.
-
-    Parameters
-    ----------
-    outcome : Outcome
-        Of one item.
-
-    Returns
-    -------
-    str
-        Such as ``"E-000-9, E-000-12"``.
-    """
+    """Return the labels of the slips that the rows of an item prove."""
     return ", ".join(sorted({row.erratum for row in outcome.rows if row.erratum}))
 
 
 def printed_text(row: Row) -> str:
-    """Return the printed value as a person would write it.
-
-    Parameters
-    ----------
-    row : Row
-        With a number, words, or nothing printed.
-
-    Returns
-    -------
-    str
-        With its unit.
-    """
+    """Return the printed value as a person would write it."""
     if row.printed is None:
         return MISSING
     if isinstance(row.printed, str):
@@ -164,18 +109,7 @@ def _short(value: float, digits: int = 4) -> str:
 
 
 def own_text(row: Row) -> str:
-    """Return what came out, with its standard error and unit.
-
-    Parameters
-    ----------
-    row : Row
-        With a number or words.
-
-    Returns
-    -------
-    str
-        E.g. ``"0.488 ± 0.003 rad/s"``.
-    """
+    """Return what came out, with its standard error and unit."""
     if isinstance(row.ours, str):
         return row.ours
     value, error = row.estimate
@@ -185,18 +119,7 @@ def own_text(row: Row) -> str:
 
 
 def band_text(limits_: Band | None) -> str:
-    """Return a band in words.
-
-    Parameters
-    ----------
-    limits_ : Band or None
-        None where there is none.
-
-    Returns
-    -------
-    str
-        E.g. ``"0.46 to 0.5"``.
-    """
+    """Return a band in words."""
     if limits_ is None:
         return MISSING
     low, high = limits_.low, limits_.high

@@ -97,13 +97,7 @@ class Reproduction:
         return sum(effort.cpu_seconds for effort in self.efforts.values())
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return all rows as plain values, each with its paper and item.
-
-        Returns
-        -------
-        list of dict
-            "paper", "item", "verdict", "printed", "ours", "band" and more.
-        """
+        """Return all rows as plain values, each with its paper and item."""
         return [
             {"paper": result.experiment.paper, "item": result.item.label} | row.to_dict()
             for result in self.items
@@ -112,18 +106,7 @@ class Reproduction:
 
 
 def code_version(paper: str) -> str:
-    """Return a digest of all sources that the numbers of a paper depend on.
-
-    Parameters
-    ----------
-    paper : str
-        Its name.
-
-    Returns
-    -------
-    str
-        Eight hexadecimal digits; results of another version are not mixed with these.
-    """
+    """Return a digest of all sources that the numbers of a paper depend on."""
     digest = hashlib.sha256(np.__version__.encode())
     for source in sorted(PACKAGE.rglob("*.py")):
         place = source.relative_to(PACKAGE)
@@ -136,24 +119,7 @@ def code_version(paper: str) -> str:
 
 
 def run_unit(paper: str, name: str, seed: int, size: Size, folder: str | None) -> Numbers:
-    """Do one unit of work; other processes find it by this name.
-
-    Parameters
-    ----------
-    paper, name : str
-        Which experiment.
-    seed : int
-        Number of the repetition.
-    size : {"quick", "full"}
-        Of the study.
-    folder : str or None
-        Measured data, for an experiment that needs them.
-
-    Returns
-    -------
-    Numbers
-        Its result.
-    """
+    """Do one unit of work; other processes find it by this name."""
     experiment = next(e for e in experiments_of(paper) if e.name == name)
     if experiment.recordings:
         return experiment.run(seed, size, Path(folder or "."))
@@ -161,23 +127,7 @@ def run_unit(paper: str, name: str, seed: int, size: Size, folder: str | None) -
 
 
 def data_folder(given: Path | None = None) -> Path | None:
-    """Return the folder of measured data.
-
-    Parameters
-    ----------
-    given : Path, optional
-        Chosen by the user; by default the environment variable SCHULER_DATA.
-
-    Returns
-    -------
-    Path or None
-        None where there is none.
-
-    Raises
-    ------
-    InputError
-        The chosen one does not exist.
-    """
+    """Return the folder of measured data."""
     named = given or (Path(os.environ["SCHULER_DATA"]) if os.environ.get("SCHULER_DATA") else None)
     if named is not None and not named.is_dir():
         if given is not None:
@@ -198,39 +148,7 @@ def reproduce(
     data: Path | None = None,
     told: Callable[[str, float], None] | None = None,
 ) -> Reproduction:
-    """Run the experiments of papers on twins with known truth, and judge them.
-
-    Parameters
-    ----------
-    papers : sequence of str
-        Names or numbers ("waegli2010", "S000"); empty for all four.
-    item : str, optional
-        One table, figure, equation or slip, such as "Table 2".
-    size : {"quick", "full"}
-        A minute and a half for all, or the papers' lengths with at least 20 seeds.
-    seeds : int, optional
-        Repetitions of whatever is random, instead of the number that belongs to the size.
-    processes : int, optional
-        Of this machine; None takes all cores. The numbers do not depend on it.
-    scheduler : str, optional
-        Address of a Dask scheduler instead.
-    keep : Path, optional
-        Folder where results are kept, and taken from when they are there.
-    data : Path, optional
-        Folder of measured data; by default SCHULER_DATA. Without it, what needs it is left out.
-    told : callable, optional
-        Called as ``told(words, share)`` while the work goes on.
-
-    Returns
-    -------
-    Reproduction
-        Every item with its rows.
-
-    Raises
-    ------
-    InputError
-        Something that cannot be done was asked for.
-    """
+    """Run the experiments of papers on twins with known truth, and judge them."""
     if seeds is not None and seeds < 1:
         raise InputError(f"{seeds} seeds", expected="one or more")
     crew = workers(processes, scheduler)
@@ -260,25 +178,7 @@ def reproduce(
 
 
 def judge_kept(keep: Path, papers: Sequence[str] = (), *, item: str | None = None) -> Reproduction:
-    """Judge results that an earlier run has kept, without running anything.
-
-    Parameters
-    ----------
-    keep : Path
-        Folder of an earlier run.
-    papers, item
-        As for `reproduce`.
-
-    Returns
-    -------
-    Reproduction
-        Of the larger size that is there; of each experiment the version with most results.
-
-    Raises
-    ------
-    InputError
-        Nothing is kept there.
-    """
+    """Judge results that an earlier run has kept, without running anything."""
     if not keep.is_dir():
         raise InputError("no such folder of results", where=str(keep))
     store = Kept(keep)

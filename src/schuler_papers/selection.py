@@ -14,18 +14,7 @@ _KINDS |= {"equation": "eq", "equations": "eq", "eqs": "eq", "sections": "sec", 
 
 
 def named_parts(label: str) -> set[tuple[str, str]]:
-    """Return the tables, figures and equations that a label names, one by one.
-
-    Parameters
-    ----------
-    label : str
-        Such as "Figs. 9-11, eq. (12)" or "E-000-5".
-
-    Returns
-    -------
-    set of (str, str)
-        Kind and number: ("fig", "9"), ("fig", "10"), ("fig", "11"), ("eq", "12").
-    """
+    """Return the tables, figures and equations that a label names, one by one."""
     text = label.lower().translate(str.maketrans("\u2013()", "-  "))
     slips = set(re.findall(r"e-\d+-\d+", text))
     parts = {("slip", slip) for slip in slips}
@@ -44,25 +33,7 @@ def named_parts(label: str) -> set[tuple[str, str]]:
 def select(
     papers: Sequence[str] = (), item: str | None = None
 ) -> tuple[tuple[Experiment, tuple[Item, ...]], ...]:
-    """Return experiments with the items that were asked for.
-
-    Parameters
-    ----------
-    papers : sequence of str
-        Names or numbers; empty for all.
-    item : str, optional
-        Such as "Table 2"; by default every item.
-
-    Returns
-    -------
-    tuple of (Experiment, tuple of Item)
-        In the order of the papers.
-
-    Raises
-    ------
-    InputError
-        No such paper or item.
-    """
+    """Return experiments with the items that were asked for."""
     names = [find_paper(name).name for name in papers] or list(PAPERS)
     chosen = []
     wanted = named_parts(item) if item else set()

@@ -19,18 +19,7 @@ LARGEST_ANGLE = float(np.radians(20.0))
 
 
 def gravity_angles(array: ImuArray) -> FloatArray:
-    """Angles between what the accelerometers of any two IMUs feel, medians over the recording.
-
-    Parameters
-    ----------
-    array : ImuArray
-        In the body, as far as its mounting tells.
-
-    Returns
-    -------
-    (k, k) ndarray
-        rad; NaN where an IMU never felt anything together with the other.
-    """
+    """Angles between what the accelerometers of any two IMUs feel, medians over the recording."""
     force = array.in_body().accel
     block = max(round(BLOCK * array.rate), 1)
     count = max(force.shape[0] // block, 1)
@@ -54,16 +43,6 @@ def require_common_axes(array: ImuArray) -> None:
 
     One IMU alone that differs from several others may be broken, which is for fault detection to
     say; so it passes here.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Two IMUs or more.
-
-    Raises
-    ------
-    InputError
-        Two IMUs of two, or two or more of several, do not share the axes of the others.
     """
     angles = gravity_angles(array)
     apart = angles > LARGEST_ANGLE

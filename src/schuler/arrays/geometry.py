@@ -135,18 +135,7 @@ class Geometry:
 
 
 def check_rank(axes: FloatArray) -> None:
-    """Raise when axes leave a direction of the body unmeasured.
-
-    Parameters
-    ----------
-    axes : (M, 3) ndarray
-        Unit vectors.
-
-    Raises
-    ------
-    InputError
-        Their rank is below three, with the direction that is not seen.
-    """
+    """Raise when axes leave a direction of the body unmeasured."""
     if axes.shape[0] < 3:
         raise InputError(f"{axes.shape[0]} sensor axes", expected="at least three")
     _, singular, directions = np.linalg.svd(axes, full_matrices=False)
@@ -173,35 +162,12 @@ def _names(units: NDArray[np.int64]) -> tuple[str, ...]:
 
 
 def orthogonal_mounting(count: int) -> Mounting:
-    """Return triads that all have the axes of the body, at its origin.
-
-    Parameters
-    ----------
-    count : int
-        Number of IMUs.
-
-    Returns
-    -------
-    Mounting
-        S002 Figure 1, left.
-    """
+    """Return triads that all have the axes of the body, at its origin."""
     return Mounting.aligned(count)
 
 
 def tetrahedron_mounting(radius: float = 0.0) -> Mounting:
-    """Return four triads on the faces of a regular tetrahedron.
-
-    Parameters
-    ----------
-    radius : float
-        From the centre to the middle of each face, m.
-
-    Returns
-    -------
-    Mounting
-        The z axis of each IMU is the outward normal of its face; the face of the first looks up
-        (-z of the body), as S000 Figure 4 and S002 Figure 1, right.
-    """
+    """Return four triads on the faces of a regular tetrahedron."""
     tilt = np.arccos(-1.0 / 3.0)
     yaw = np.radians([0.0, 0.0, 120.0, 240.0])
     pitch = np.array([np.pi, np.pi - tilt, np.pi - tilt, np.pi - tilt])
@@ -210,52 +176,17 @@ def tetrahedron_mounting(radius: float = 0.0) -> Mounting:
 
 
 def orthogonal(count: int) -> Geometry:
-    """Return `count` triads along the axes of the body.
-
-    Parameters
-    ----------
-    count : int
-        Number of triads.
-
-    Returns
-    -------
-    Geometry
-        3 x count axes.
-    """
+    """Return `count` triads along the axes of the body."""
     return Geometry.from_mounting(orthogonal_mounting(count), title=f"{count} aligned triads")
 
 
 def tetrahedron() -> Geometry:
-    """Return four triads on the faces of a tetrahedron (`tetrahedron_mounting`).
-
-    Returns
-    -------
-    Geometry
-        12 axes; A'A = 4 I as for any four full triads (spec 6.1).
-    """
+    """Return four triads on the faces of a tetrahedron (`tetrahedron_mounting`)."""
     return Geometry.from_mounting(tetrahedron_mounting(), title="tetrahedron of triads")
 
 
 def cone(count: int, half_angle: float = ISOTROPIC_HALF_ANGLE) -> Geometry:
-    """Return sensors evenly around a cone about the z axis.
-
-    Parameters
-    ----------
-    count : int
-        Number of sensors, at least three.
-    half_angle : float
-        Between the axis of the cone and each sensor, rad.
-
-    Returns
-    -------
-    Geometry
-        S002 Figure 8, left; isotropic at acos(1/sqrt 3) = 54.74 degrees.
-
-    Raises
-    ------
-    InputError
-        Fewer than three sensors, or a half angle of 0 or 90 degrees (rank below three).
-    """
+    """Return sensors evenly around a cone about the z axis."""
     around = 2.0 * np.pi * np.arange(count) / max(count, 1)
     axes = np.column_stack(
         [
@@ -269,25 +200,7 @@ def cone(count: int, half_angle: float = ISOTROPIC_HALF_ANGLE) -> Geometry:
 
 
 def cone_with_axis(count: int, half_angle: float | None = None) -> Geometry:
-    """Return sensors evenly around a cone and one along its axis z.
-
-    Parameters
-    ----------
-    count : int
-        Number of sensors on the cone, at least three.
-    half_angle : float, optional
-        rad; the isotropic one, cos² = (count - 2) / (3 count), if not given.
-
-    Returns
-    -------
-    Geometry
-        count + 1 axes, the last along z; S002 Figure 8, middle.
-
-    Raises
-    ------
-    InputError
-        Fewer than three sensors on the cone.
-    """
+    """Return sensors evenly around a cone and one along its axis z."""
     if half_angle is None:
         half_angle = float(np.arccos(np.sqrt(max(count - 2, 0) / (3.0 * max(count, 1)))))
     axes = np.vstack([cone(count, half_angle).axes, [0.0, 0.0, 1.0]])
@@ -296,23 +209,7 @@ def cone_with_axis(count: int, half_angle: float | None = None) -> Geometry:
 
 
 def platonic(solid: Solid) -> Geometry:
-    """Return one sensor along each different face normal of a platonic solid.
-
-    Parameters
-    ----------
-    solid : {"tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"}
-        Opposite faces share a sensor.
-
-    Returns
-    -------
-    Geometry
-        4, 3, 4, 6 or 10 axes; S002 Figure 8, right. All are isotropic.
-
-    Raises
-    ------
-    InputError
-        Another name.
-    """
+    """Return one sensor along each different face normal of a platonic solid."""
     signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64)
     pairs = np.array([[0, 1, GOLDEN], [0, -1, GOLDEN]])
     six = np.vstack([np.roll(pairs, shift, axis=1) for shift in range(3)])
@@ -331,12 +228,5 @@ def platonic(solid: Solid) -> Geometry:
 
 
 def dodecahedron6() -> Geometry:
-    """Return six sensors along the face normals of a dodecahedron.
-
-    Returns
-    -------
-    Geometry
-        Of all arrangements of six single axes this one is isotropic in the rate and in the
-        parity space alike.
-    """
+    """Return six sensors along the face normals of a dodecahedron."""
     return platonic("dodecahedron")

@@ -9,23 +9,7 @@ from schuler.types import FloatArray
 
 
 def turning_tensor(time: FloatArray, rate: FloatArray, *, causal: bool) -> FloatArray:
-    """Return what turns lever arms into specific force, from the fused angular rate.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        s.
-    rate : (n, 3) ndarray
-        Of the body in inertial space, rad/s; NaN where unknown.
-    causal : bool
-        Angular acceleration from this sample and the one before (half a sample late), instead of
-        from the two around it.
-
-    Returns
-    -------
-    (n, 9) ndarray
-        [dw/dt x] + [w x][w x], row by row, 1/s²: times an arm in the body, m/s².
-    """
+    """Return what turns lever arms into specific force, from the fused angular rate."""
     w = fill_gaps(time, rate)
     slope = np.empty_like(w)
     if causal:
@@ -48,20 +32,7 @@ def turning_tensor(time: FloatArray, rate: FloatArray, *, causal: bool) -> Float
 
 
 def fill_gaps(time: FloatArray, values: FloatArray) -> FloatArray:
-    """Return vectors with gaps bridged by straight lines.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        s.
-    values : (n, 3) ndarray
-        NaN in the gaps; zeros if there is nothing else.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        Finite.
-    """
+    """Return vectors with gaps bridged by straight lines."""
     known = np.isfinite(values).all(axis=1)
     if known.all():
         return values
@@ -72,45 +43,14 @@ def fill_gaps(time: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def arm_coefficients(axes: FloatArray, arms: FloatArray) -> FloatArray:
-    """Return what the tensor is multiplied with for each axis.
-
-    Parameters
-    ----------
-    axes : (M, 3) ndarray
-        h.
-    arms : (M, 3) ndarray
-        l, m.
-
-    Returns
-    -------
-    (9, M) ndarray
-        h_b l_c: the size effect on axis m is tensor @ coefficients[:, m].
-    """
+    """Return what the tensor is multiplied with for each axis."""
     return np.ascontiguousarray(np.einsum("mb,mc->bcm", axes, arms).reshape(9, -1))
 
 
 def acceleration_covariance(
     axes: FloatArray, arms: FloatArray, rate_covariance: FloatArray, step: float, *, causal: bool
 ) -> FloatArray:
-    """Return the covariance that noise of the angular acceleration puts on accelerometers.
-
-    Parameters
-    ----------
-    axes, arms : (M, 3) ndarray
-        h and l.
-    rate_covariance : (3, 3) ndarray
-        Of a sample of the fused angular rate, (rad/s)².
-    step : float
-        Sampling interval, s.
-    causal : bool
-        As in `turning_tensor`.
-
-    Returns
-    -------
-    (M, M) ndarray
-        (m/s²)²; the same error in all sensors, by their arms. With it for a part of the weights'
-        covariance the least squares is the joint one of force and angular acceleration.
-    """
+    """Return the covariance that noise of the angular acceleration puts on accelerometers."""
     slope = rate_covariance * (2.0 / step**2 if causal else 0.5 / step**2)
     # h · (a x l) = a · (l x h)
     effect = np.einsum("mij,mj->mi", skew(arms), axes)

@@ -109,30 +109,7 @@ def figures_of_merit(
     false_alarm_rate: float = 0.001,
     power: float = 0.8,
 ) -> FiguresOfMerit:
-    """Return what a geometry can do.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The axes.
-    deviations : float or (M,) array_like
-        Standard deviations of the sensors, any unit.
-    false_alarm_rate : float
-        Of the chi-square test of one sample.
-    power : float
-        Probability of finding the minimal detectable bias.
-
-    Returns
-    -------
-    FiguresOfMerit
-        In the unit of the deviations. Source: spec 6.1, 6.4; minimal detectable bias by the
-        non-central chi-square law.
-
-    Raises
-    ------
-    InputError
-        Deviations that are not positive, or probabilities outside (0, 1).
-    """
+    """Return what a geometry can do."""
     sigma = np.broadcast_to(np.asarray(deviations, dtype=np.float64), (geometry.count,))
     frozen(sigma, "deviations", (geometry.count,))
     if not (np.isfinite(sigma).all() and sigma.min() > 0.0):
@@ -164,21 +141,7 @@ def figures_of_merit(
 
 
 def noncentrality(freedom: int, false_alarm_rate: float, power: float) -> float:
-    """Return the non-centrality at which a chi-square test has a given power.
-
-    Parameters
-    ----------
-    freedom : int
-        Degrees of freedom; zero has no power: infinite.
-    false_alarm_rate, power : float
-        Of the test.
-
-    Returns
-    -------
-    float
-        lambda with P(ncx2(freedom, lambda) > threshold) = power; the fault over its deviation is
-        sqrt(lambda / S_ii) (spec 6.4).
-    """
+    """Return the non-centrality at which a chi-square test has a given power."""
     if freedom < 1:
         return float("inf")
     from scipy.optimize import brentq

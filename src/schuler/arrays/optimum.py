@@ -51,29 +51,7 @@ def optimize_cone(
     criterion: Criterion | Callable[[FiguresOfMerit], float] = "gdop",
     half_angles: tuple[float, float] = (np.radians(1.0), np.radians(89.0)),
 ) -> OptimalGeometry:
-    """Return the best half angle of a cone.
-
-    Parameters
-    ----------
-    count : int
-        Sensors on the cone.
-    with_axis : bool
-        One more along the axis.
-    criterion : str or callable
-        As in `optimize_geometry`.
-    half_angles : tuple of float
-        Between which to search, rad: the user's constraint.
-
-    Returns
-    -------
-    OptimalGeometry
-        With the half angle in rad as its parameter.
-
-    Raises
-    ------
-    InputError
-        As the cone.
-    """
+    """Return the best half angle of a cone."""
     make = cone_with_axis if with_axis else cone
 
     def build(parameters: FloatArray) -> Geometry:
@@ -90,33 +68,7 @@ def optimize_geometry(
     deviations: ArrayLike = 1.0,
     seed: int = 0,
 ) -> OptimalGeometry:
-    """Return the best geometry of a family.
-
-    Parameters
-    ----------
-    build : callable
-        Takes parameters (p,) and returns a `Geometry`: the user's constraint in code.
-    bounds : sequence of (float, float)
-        Of each parameter.
-    criterion : str or callable
-        What to make small: "gdop", "volume" (of the error ellipsoid), "vertical" (deviation along
-        z), "detectable_bias" (the worst minimal detectable bias), "isolation" (the smallest angle
-        between two faults, made large), or a function of `FiguresOfMerit`.
-    deviations : float or (M,) array_like
-        Of the sensors.
-    seed : int
-        Of the global search when there is more than one parameter.
-
-    Returns
-    -------
-    OptimalGeometry
-        Global search by a grid (one parameter) or by differential evolution, then refined.
-
-    Raises
-    ------
-    InputError
-        An unknown criterion, no bounds, or a family without a geometry of rank three.
-    """
+    """Return the best geometry of a family."""
     from scipy.optimize import Bounds, differential_evolution, minimize_scalar
 
     measure = _measure(criterion)

@@ -77,18 +77,7 @@ class RedundantSensors:
 
 
 def kinds_recorded(array: ImuArray) -> tuple[Sensor, ...]:
-    """Return the kinds of sensor that an array recorded at all.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Any.
-
-    Returns
-    -------
-    tuple of {"gyro", "accel"}
-        In this order.
-    """
+    """Return the kinds of sensor that an array recorded at all."""
 
     def there(values: FloatArray) -> bool:
         return bool(np.isfinite(values[0]).any() or np.isfinite(values).any())
@@ -102,26 +91,7 @@ def kinds_recorded(array: ImuArray) -> tuple[Sensor, ...]:
 
 
 def redundant_sensors(array: ImuArray, sensor: Sensor) -> RedundantSensors:
-    """Return one kind of sensor of an array.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Of two or more IMUs.
-    sensor : {"gyro", "accel"}
-        Which.
-
-    Returns
-    -------
-    RedundantSensors
-        Without the axes that were never recorded.
-
-    Raises
-    ------
-    InputError
-        One IMU only, axes that leave a direction unmeasured, or an IMU that is another one
-        recorded twice.
-    """
+    """Return one kind of sensor of an array."""
     if array.count < 2:
         raise InputError(
             f"an array of one IMU ({array.names[0]})",

@@ -187,26 +187,7 @@ class Followed:
 
 
 def start_values(sensors: RedundantSensors, samples: int) -> AxisNoise:
-    """Return biases and variances from the first samples, or from all of them.
-
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        What was measured.
-    samples : int
-        How many of the first samples to use.
-
-    Returns
-    -------
-    AxisNoise
-        Means and N-cornered hat of the residuals, without their outliers; where two sensors
-        cannot be told apart, the same variance for all.
-
-    Raises
-    ------
-    EstimationError
-        No sample in which enough axes are there, or residuals that are all zero.
-    """
+    """Return biases and variances from the first samples, or from all of them."""
     values = sensors.measurements[:samples]
     whole = np.isfinite(values).all(axis=1)
     if np.count_nonzero(whole) >= 100:
@@ -270,38 +251,7 @@ def follow_sensors(
     tensor: FloatArray | None = None,
     extra: FloatArray | None = None,
 ) -> Followed:
-    """Follow one kind of sensor through a recording.
-
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        What was measured.
-    start : AxisNoise or None
-        Known beforehand; None: taken from the first seconds.
-    settings : OnlineSettings
-        Of weights and biases.
-    watch : Watch or None
-        Of the tests; None: nothing is taken out.
-    adapting : bool
-        False: variances stay at their start.
-    given : (n, M) or (n, 1) ndarray, optional
-        Variances of every sample, each from the past alone, instead of those estimated here; a
-        block uses that of its first sample.
-    tensor : (n, 9) ndarray, optional
-        From `turning_tensor`: lever arms are corrected.
-    extra : (n,) ndarray, optional
-        Variance from motion that is common to all axes in size and does not average out.
-
-    Returns
-    -------
-    Followed
-        What came out.
-
-    Raises
-    ------
-    EstimationError
-        As `start_values`.
-    """
+    """Follow one kind of sensor through a recording."""
     from schuler.kernels.redundancy import follow
 
     n, count = sensors.measurements.shape
@@ -403,18 +353,5 @@ def follow_sensors(
 
 
 def smoothing_shares(watch: Watch, seconds: float) -> FloatArray:
-    """Return the share of a block in the smoothed residuals of every time constant.
-
-    Parameters
-    ----------
-    watch : Watch
-        The time constants.
-    seconds : float
-        Length of a block.
-
-    Returns
-    -------
-    (J,) ndarray
-        1 - exp(-seconds / time constant).
-    """
+    """Return the share of a block in the smoothed residuals of every time constant."""
     return np.asarray(1.0 - np.exp(-seconds / np.asarray(watch.time_constants)))

@@ -56,18 +56,7 @@ for _point in sorted(entry_points(group="schuler.verbs")):
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and turn every error into one line.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Command line without the name of the program.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Run one command and turn every error into one line."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # A terminal that cannot show a letter shows its escape; that must not end the run.

@@ -64,27 +64,7 @@ class ArrayOptions:
 def load_array_drive(
     options: ArrayOptions, gnss: Path, reading: DriveReading
 ) -> tuple[ImuArray, GnssRecording]:
-    """Read an array and the GNSS recording beside it.
-
-    Parameters
-    ----------
-    options : ArrayOptions
-        Files, mounting and calibration.
-    gnss : Path
-        File or folder.
-    reading : DriveReading
-        How to read them.
-
-    Returns
-    -------
-    tuple of ImuArray and GnssRecording
-        The two recordings.
-
-    Raises
-    ------
-    InputError
-        Mountings or a calibration for another number of IMUs, or both; anything wrong with a file.
-    """
+    """Read an array and the GNSS recording beside it."""
     from schuler.cli.loading import load_array, load_gnss
     from schuler.cli.navigate import require_deviations
 
@@ -101,23 +81,7 @@ def load_array_drive(
 
 
 def array_keywords(known: RunOptions) -> dict[str, Any]:
-    """Return what is known of a run with an array.
-
-    Parameters
-    ----------
-    known : RunOptions
-        As told.
-
-    Returns
-    -------
-    dict
-        As `prepare_array` wants it.
-
-    Raises
-    ------
-    InputError
-        Options that filters of arrays do not have.
-    """
+    """Return what is known of a run with an array."""
     keywords = known.keywords()
     if "measurements" in keywords:
         raise InputError(
@@ -128,25 +92,7 @@ def array_keywords(known: RunOptions) -> dict[str, Any]:
 
 
 def parse_mounting(texts: tuple[str, ...], count: int) -> Mounting:
-    """Return the mounting of all IMUs.
-
-    Parameters
-    ----------
-    texts : tuple of str
-        ROLL,PITCH,YAW[,X,Y,Z] each.
-    count : int
-        Number of IMUs.
-
-    Returns
-    -------
-    Mounting
-        In SI.
-
-    Raises
-    ------
-    InputError
-        Another number of them, or numbers that are not understood.
-    """
+    """Return the mounting of all IMUs."""
     import numpy as np
 
     from schuler.cli.loading import parse_numbers
@@ -177,13 +123,7 @@ def navigate_arrays(
     known: RunOptions,
     reading: DriveReading,
 ) -> int:
-    """Run one mechanization, or compare them all. Arguments as for `schuler navigate`.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Run one mechanization, or compare them all. Arguments as for `schuler navigate`."""
     from schuler.cli.console import Screen
     from schuler.cli.loading import load_noise, say_when_compiling, title_of
     from schuler.cli.navigate import navigation_summary, show_navigation
@@ -294,17 +234,7 @@ def _compare(
 def show_mechanizations(
     screen: Screen, comparison: MechanizationComparison, written: tuple[Path, ...] = ()
 ) -> None:
-    """Print the mechanizations side by side.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    comparison : MechanizationComparison
-        From `compare_mechanizations`.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print the mechanizations side by side."""
     from schuler.report.sections.mechanizations import comparison_rows
 
     columns, rows = comparison_rows(comparison)
@@ -411,17 +341,7 @@ def require_one(imu: Path | None, options: ArrayOptions) -> None:
 def show_observability(
     screen: Screen, results: tuple[RunObservability, ...], written: tuple[Path, ...] = ()
 ) -> None:
-    """Print ranks and sentences.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    results : tuple of RunObservability
-        One for each filter.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print ranks and sentences."""
     screen.heading("Observability")
     rows = [
         (

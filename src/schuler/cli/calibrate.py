@@ -106,18 +106,7 @@ def calibrate(
 
 
 def worst_of(review: CalibrationReview) -> float:
-    """Return the largest rms of the gyros in the slowest class of motion, deg/s.
-
-    Parameters
-    ----------
-    review : CalibrationReview
-        With judged recordings.
-
-    Returns
-    -------
-    float
-        Over the recordings.
-    """
+    """Return the largest rms of the gyros in the slowest class of motion, deg/s."""
     import math
 
     slowest = [
@@ -148,17 +137,7 @@ def _plain(review: CalibrationReview) -> dict[str, Any]:
 def show_calibration(
     screen: Screen, review: CalibrationReview, written: tuple[Path, ...] = ()
 ) -> None:
-    """Print what was found and what it is worth.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    review : CalibrationReview
-        What was found.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print what was found and what it is worth."""
     import numpy as np
 
     from schuler.report.sections.calibration import calibration_rows

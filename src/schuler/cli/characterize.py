@@ -129,21 +129,7 @@ def show_characterization(
     *,
     repaired: bool = False,
 ) -> None:
-    """Print the noise model and what to think of it.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    result : ImuCharacterization
-        What was found.
-    screening : Screening
-        What is wrong with the recording.
-    written : tuple of Path
-        Files that were written.
-    repaired : bool
-        What the screening saw has been repaired.
-    """
+    """Print the noise model and what to think of it."""
     from schuler.report.sections.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")

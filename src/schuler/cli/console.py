@@ -19,50 +19,20 @@ PIPE_WIDTH = 160
 
 
 def printable(text: str) -> str:
-    """Return one line of text without characters that steer a terminal.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-
-    Returns
-    -------
-    str
-        White space joined to single blanks; what cannot be printed becomes its escape.
-    """
+    """Return one line of text without characters that steer a terminal."""
     joined = " ".join(text.split())
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in joined)
 
 
 def say(message: str) -> None:
-    """Print one line about the run on standard error.
-
-    Parameters
-    ----------
-    message : str
-        Any text; it becomes one line.
-    """
+    """Print one line about the run on standard error."""
     line = f"schuler: {printable(message)}"
     encoding = sys.stderr.encoding or "utf-8"
     print(line.encode(encoding, "backslashreplace").decode(encoding), file=sys.stderr)
 
 
 def plain_text(text: str, style: str = "") -> Text:
-    """Return text that rich prints as it is.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-    style : str
-        A style of rich.
-
-    Returns
-    -------
-    Text
-        One line.
-    """
+    """Return text that rich prints as it is."""
     from rich.text import Text
 
     return Text(printable(text), style=style)
@@ -85,15 +55,7 @@ class Screen:
             self.console = Console(stderr=json_on_stdout, highlight=False, width=PIPE_WIDTH)
 
     def heading(self, text: str, detail: str = "") -> None:
-        """Print a heading with a quieter detail behind it.
-
-        Parameters
-        ----------
-        text : str
-            What follows.
-        detail : str
-            E.g. duration and rate.
-        """
+        """Print a heading with a quieter detail behind it."""
         line = plain_text(text, "bold")
         if detail:
             line.append("  ").append_text(plain_text(detail, "dim"))
@@ -101,27 +63,11 @@ class Screen:
         self.console.print(line, soft_wrap=True)
 
     def line(self, text: str, style: str = "") -> None:
-        """Print one paragraph.
-
-        Parameters
-        ----------
-        text : str
-            Plain text.
-        style : str
-            A style of rich.
-        """
+        """Print one paragraph."""
         self.console.print(plain_text(text, style), soft_wrap=True)
 
     def finding(self, severity: str, text: str) -> None:
-        """Print one finding with a mark that tells how much it matters.
-
-        Parameters
-        ----------
-        severity : str
-            "good", "info", "warning" or "error".
-        text : str
-            What was found.
-        """
+        """Print one finding with a mark that tells how much it matters."""
         mark, style = {
             "good": ("+", "green"),
             "info": ("-", "cyan"),
@@ -140,17 +86,7 @@ class Screen:
         self.console.print(grid)
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> None:
-        """Print a table.
-
-        Parameters
-        ----------
-        columns : sequence of str
-            Headings.
-        rows : sequence of sequence of str
-            Cells.
-        words : int
-            So many columns from the left hold words; the others are set flush right.
-        """
+        """Print a table."""
         from rich import box
         from rich.table import Table
 

@@ -102,13 +102,7 @@ def demo(*, data: Path | None = None, out: Path = Path("schuler-demo")) -> int:
 
 
 def simulated() -> Material:
-    """Return the embedded example.
-
-    Returns
-    -------
-    Material
-        Simulated static log and drive with truth.
-    """
+    """Return the embedded example."""
     from schuler.cli.example import SEEDS, example_drive, example_static
     from schuler.execution.progress import progress
 
@@ -125,23 +119,7 @@ def simulated() -> Material:
 
 
 def find_recordings(folder: Path) -> Material:
-    """Find a static log and a drive in a folder or in folders within it.
-
-    Parameters
-    ----------
-    folder : Path
-        With static.* and/or imu.* with gnss.*; or with folders that hold them.
-
-    Returns
-    -------
-    Material
-        What is there.
-
-    Raises
-    ------
-    InputError
-        Nothing is there.
-    """
+    """Find a static log and a drive in a folder or in folders within it."""
     from schuler.cli.loading import load_gnss, load_imu
 
     if not folder.is_dir():

@@ -37,13 +37,7 @@ class ExampleDrive:
 
 
 def example_noise() -> NoiseModel:
-    """Return the noise of a consumer-grade MEMS sensor.
-
-    Returns
-    -------
-    NoiseModel
-        White noise, Gauss-Markov and random walk of the usual size.
-    """
+    """Return the noise of a consumer-grade MEMS sensor."""
     from schuler.noise import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
     from schuler.units import parse
 
@@ -60,13 +54,7 @@ def example_noise() -> NoiseModel:
 
 
 def example_static() -> ImuRecording:
-    """Return a log of the sensor lying still.
-
-    Returns
-    -------
-    ImuRecording
-        Two hours at 100 Hz, always the same.
-    """
+    """Return a log of the sensor lying still."""
     import numpy as np
 
     from schuler.simulation import simulate_static
@@ -78,20 +66,7 @@ def example_static() -> ImuRecording:
 
 
 def example_drive(duration: float, standstill: float = 60.0) -> ExampleDrive:
-    """Return a drive through a town.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds.
-    standstill : float
-        Seconds at rest before the drive.
-
-    Returns
-    -------
-    ExampleDrive
-        IMU at 100 Hz, GNSS at 1 Hz, truth; always the same.
-    """
+    """Return a drive through a town."""
     import numpy as np
 
     from schuler.simulation import car_urban, ideal_imu, simulate_gnss, simulate_imu

@@ -282,19 +282,7 @@ def _show_records(screen: Screen, records: Sequence[FaultRecord | LastingFault])
 def show_synthetic(
     screen: Screen, array: ImuArray, done: SyntheticImu, written: tuple[Path, ...] = ()
 ) -> None:
-    """Print how much better one is than several.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    array : ImuArray
-        What went in.
-    done : SyntheticImu
-        What came out.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print how much better one is than several."""
     from schuler.report.numbers import duration, number, percent
     from schuler.units import scale
 
@@ -325,17 +313,7 @@ def show_synthetic(
 
 
 def show_faults(screen: Screen, found: FaultDetection, written: tuple[Path, ...] = ()) -> None:
-    """Print the log, and how often the sensors disagreed.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    found : FaultDetection
-        What was found.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print the log, and how often the sensors disagreed."""
     from schuler.report.numbers import number, percent
 
     screen.heading("Faults", f"{len(found.names)} IMUs")
@@ -366,17 +344,7 @@ def show_faults(screen: Screen, found: FaultDetection, written: tuple[Path, ...]
 def show_lasting_faults(
     screen: Screen, found: LastingFaults, written: tuple[Path, ...] = ()
 ) -> None:
-    """Print the log of lasting faults, and what could be found in which motion.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    found : LastingFaults
-        What was found.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print the log of lasting faults, and what could be found in which motion."""
     from schuler.arrays.detection.lasting_faults import TITLES
     from schuler.report.numbers import number
     from schuler.units import format_value

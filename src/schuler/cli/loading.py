@@ -18,20 +18,7 @@ if TYPE_CHECKING:
 
 
 def load_imu(path: Path, how: dict[str, Any]) -> ImuRecording:
-    """Read an IMU recording.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
-    how : dict
-        Options of the reader.
-
-    Returns
-    -------
-    ImuRecording
-        The recording.
-    """
+    """Read an IMU recording."""
     from schuler.io import read_imu
 
     with progress(f"Reading {path.name}"):
@@ -39,20 +26,7 @@ def load_imu(path: Path, how: dict[str, Any]) -> ImuRecording:
 
 
 def load_gnss(path: Path, how: dict[str, Any]) -> GnssRecording:
-    """Read a GNSS recording.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
-    how : dict
-        Options of the reader.
-
-    Returns
-    -------
-    GnssRecording
-        The recording.
-    """
+    """Read a GNSS recording."""
     from schuler.io import read_gnss
 
     with progress(f"Reading {path.name}"):
@@ -65,29 +39,7 @@ def load_array(
     how: dict[str, Any],
     clocks: Literal["auto", "shared", "own"] = "auto",
 ) -> ImuArray:
-    """Read an array, calibrated when a calibration is given.
-
-    Parameters
-    ----------
-    files : tuple of Path
-        As the commands take them.
-    calibration : Path or None
-        YAML file of `schuler calibrate`.
-    how : dict
-        Options of the reader.
-    clocks : str
-        As the commands take it.
-
-    Returns
-    -------
-    ImuArray
-        In the body when calibrated.
-
-    Raises
-    ------
-    InputError
-        No file; a calibration of another array.
-    """
+    """Read an array, calibrated when a calibration is given."""
     from schuler.arrays.calibration.result import ArrayCalibration
     from schuler.arrays.read import read_array
 
@@ -106,18 +58,7 @@ def load_array(
 
 
 def load_noise(path: Path | None) -> NoiseModel | None:
-    """Read a noise model, when one is given.
-
-    Parameters
-    ----------
-    path : Path or None
-        YAML file.
-
-    Returns
-    -------
-    NoiseModel or None
-        In SI.
-    """
+    """Read a noise model, when one is given."""
     if path is None:
         return None
     from schuler.noise import NoiseModel
@@ -152,46 +93,13 @@ _told: list[bool] = []
 
 
 def title_of(path: Path) -> str:
-    """Return how people would name a recording: its folder and its file.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
-
-    Returns
-    -------
-    str
-        E.g. ``"rtk-drive/imu"``.
-    """
+    """Return how people would name a recording: its folder and its file."""
     whole = path.resolve()
     return whole.name if whole.is_dir() else f"{whole.parent.name}/{whole.stem}".lstrip("/")
 
 
 def parse_numbers(text: str, count: int, what: str, separator: str = ",") -> tuple[float, ...]:
-    """Return the numbers of an option such as ``0.1,0,-0.3``.
-
-    Parameters
-    ----------
-    text : str
-        What the user wrote.
-    count : int
-        How many numbers there must be.
-    what : str
-        Name of the option with an example, for the error.
-    separator : str
-        Character between them.
-
-    Returns
-    -------
-    tuple of float
-        The numbers.
-
-    Raises
-    ------
-    InputError
-        Another count, or something that is not a finite number.
-    """
+    """Return the numbers of an option such as ``0.1,0,-0.3``."""
     try:
         numbers = tuple(float(part) for part in text.split(separator))
     except ValueError:

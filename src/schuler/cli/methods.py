@@ -42,25 +42,7 @@ class MethodFiles:
 
 
 def chosen_methods(named: tuple[str, ...], *, needs_model: bool) -> tuple[str, ...]:
-    """Check the methods that were asked for.
-
-    Parameters
-    ----------
-    named : tuple of str
-        As on the command line; "all" stands for every method.
-    needs_model : bool
-        A noise model is to be written, of the first method.
-
-    Returns
-    -------
-    tuple of str
-        In the order given; empty for the usual way alone.
-
-    Raises
-    ------
-    InputError
-        An unknown method, or a first one without a sum of processes where a model is wanted.
-    """
+    """Check the methods that were asked for."""
     if not named or set(named) == {"allan"}:
         return ()
     from schuler.estimation.identify import METHODS, STRUCTURAL
@@ -86,28 +68,7 @@ def compare_and_write(
     *,
     strict: bool,
 ) -> int:
-    """Put the methods to every channel, write what was asked for, show the rest.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        Screened, and repaired if that was wanted.
-    screening : Screening
-        What was found.
-    methods : tuple of str
-        From `chosen_methods`.
-    files : MethodFiles
-        Names.
-    outputs : Outputs
-        Where files are added to.
-    strict : bool
-        Exit with code 1 on findings to watch.
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
+    """Put the methods to every channel, write what was asked for, show the rest."""
     from schuler.cli.console import Screen, say
     from schuler.cli.loading import title_of
     from schuler.cli.outputs import STDOUT, json_text
@@ -167,25 +128,7 @@ def _to_dict(comparison: ImuMethodComparison, first: str) -> dict[str, Any]:
 
 
 def noise_model_of(comparison: ImuMethodComparison, method: str) -> NoiseModel:
-    """Return the noise model that one method found.
-
-    Parameters
-    ----------
-    comparison : ImuMethodComparison
-        With the method.
-    method : str
-        One that finds sums of processes.
-
-    Returns
-    -------
-    NoiseModel
-        Of all channels, with standard errors.
-
-    Raises
-    ------
-    EstimationError
-        The method had no answer for a channel.
-    """
+    """Return the noise model that one method found."""
     from schuler.estimation.identify import METHODS
     from schuler.noise import NoiseModel
 
@@ -212,17 +155,7 @@ def noise_model_of(comparison: ImuMethodComparison, method: str) -> NoiseModel:
 def show_methods(
     screen: Screen, comparison: ImuMethodComparison, written: tuple[Path, ...] = ()
 ) -> None:
-    """Print the parameters by method and what to think of them.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    comparison : ImuMethodComparison
-        What was found.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print the parameters by method and what to think of them."""
     from schuler.report.numbers import duration
     from schuler.report.sections.estimators import predictor_rows
     from schuler.report.sections.methods import parameter_table, residual_words

@@ -128,20 +128,7 @@ def navigate(
 
 
 def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecording, GnssRecording]:
-    """Read IMU and GNSS of a drive, repaired when asked.
-
-    Parameters
-    ----------
-    imu, gnss : Path
-        Files or folders.
-    reading : DriveReading
-        How to read them.
-
-    Returns
-    -------
-    tuple of ImuRecording and GnssRecording
-        The two recordings.
-    """
+    """Read IMU and GNSS of a drive, repaired when asked."""
     from schuler.cli.loading import load_gnss, load_imu
     from schuler.data.imu import CHANNELS
     from schuler.navigation.aiding.gnss import require_overlap
@@ -174,20 +161,7 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
 
 
 def require_deviations(fixes: GnssRecording, path: Path) -> None:
-    """Raise when GNSS has no standard deviations.
-
-    Parameters
-    ----------
-    fixes : GnssRecording
-        What was read.
-    path : Path
-        From where.
-
-    Raises
-    ------
-    InputError
-        Says how to give them.
-    """
+    """Raise when GNSS has no standard deviations."""
     import numpy as np
 
     for what, values in (("position", fixes.position_sd), ("velocity", fixes.velocity_sd)):
@@ -204,20 +178,7 @@ def require_deviations(fixes: GnssRecording, path: Path) -> None:
 def navigation_summary(
     causal: NavigationSolution, smoothed: NavigationSolution | None
 ) -> dict[str, Any]:
-    """Return what a machine wants to know about a run.
-
-    Parameters
-    ----------
-    causal : NavigationSolution
-        Solution of the filter.
-    smoothed : NavigationSolution or None
-        Smoothed solution.
-
-    Returns
-    -------
-    dict
-        Plain values in SI.
-    """
+    """Return what a machine wants to know about a run."""
     import numpy as np
 
     def answer(solution: NavigationSolution) -> dict[str, Any]:
@@ -260,19 +221,7 @@ def show_navigation(
     smoothed: NavigationSolution | None,
     written: tuple[Path, ...] = (),
 ) -> None:
-    """Print what the filter claims and whether its claims are honest.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    causal : NavigationSolution
-        Solution of the filter.
-    smoothed : NavigationSolution or None
-        Smoothed solution.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print what the filter claims and whether its claims are honest."""
     import numpy as np
 
     from schuler.report.numbers import duration, number
@@ -311,15 +260,7 @@ def show_navigation(
 
 
 def show_findings(screen: Screen, findings: Sequence[dict[str, Any]]) -> None:
-    """Print what the filter saw on the way, each with its cure.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    findings : sequence of dict
-        As `Finding.to_dict` leaves them.
-    """
+    """Print what the filter saw on the way, each with its cure."""
     for finding in findings:
         cure = f"; {finding['cure']}" if finding["cure"] else ""
         screen.finding(finding["severity"], finding["message"] + cure)

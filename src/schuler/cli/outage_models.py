@@ -41,13 +41,7 @@ class ModelOptions:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The models asked for.
-
-        Raises
-        ------
-        InputError
-            A name that is not known, or twice; a static log without models.
-        """
+        """The models asked for."""
         from schuler.navigation.error_models.catalogue import split_model_name
 
         if self.models is None:
@@ -68,24 +62,7 @@ def compare(
     options: ModelOptions,
     keywords: dict[str, Any],
 ) -> ErrorModelComparison:
-    """Run the models that were asked for.
-
-    Parameters
-    ----------
-    imu, gnss
-        The drive.
-    noise : NoiseModel or None
-        Of the sensor.
-    options : ModelOptions
-        Models, and where to take them from.
-    keywords : dict
-        Of `compare_error_models`.
-
-    Returns
-    -------
-    ErrorModelComparison
-        Causal and smoothed.
-    """
+    """Run the models that were asked for."""
     from schuler.cli.loading import load_imu
     from schuler.evaluation.error_model_comparison import compare_error_models
     from schuler.execution.progress import progress
@@ -125,18 +102,7 @@ def compare(
 
 
 def comparison_json(comparison: ErrorModelComparison) -> dict[str, Any]:
-    """Return plain values: what `outages` always writes, of the first model, and the comparison.
-
-    Parameters
-    ----------
-    comparison : ErrorModelComparison
-        Of one drive.
-
-    Returns
-    -------
-    dict
-        "causal" and "smoothed" of the first model, "comparison" of all.
-    """
+    """Return plain values: what `outages` always writes, of the first model, and the comparison."""
     first = comparison.results[0]
     return {
         "model": first.model.name,
@@ -149,17 +115,7 @@ def comparison_json(comparison: ErrorModelComparison) -> dict[str, Any]:
 def show_comparison(
     screen: Screen, comparison: ErrorModelComparison, written: tuple[Path, ...] = ()
 ) -> None:
-    """Print the models side by side.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    comparison : ErrorModelComparison
-        Of one drive.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print the models side by side."""
     from schuler.report.numbers import number, percent
 
     count = len(comparison.results[0].causal[0].windows)

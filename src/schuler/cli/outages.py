@@ -135,25 +135,7 @@ def _judge(mean: float, limit: float | None) -> int:
 
 
 def parse_windows(window: tuple[str, ...], sweep: str | None) -> dict[str, Any]:
-    """Return the windows as `evaluate_outages` wants them.
-
-    Parameters
-    ----------
-    window : tuple of str
-        START:SECONDS each.
-    sweep : str or None
-        SECONDS:EVERY.
-
-    Returns
-    -------
-    dict
-        ``windows`` or ``sweep``.
-
-    Raises
-    ------
-    InputError
-        Neither or both are given, or a number is not understood.
-    """
+    """Return the windows as `evaluate_outages` wants them."""
     from schuler.cli.loading import parse_numbers
 
     if bool(window) == (sweep is not None):
@@ -200,17 +182,7 @@ def _page(
 def show_outages(
     screen: Screen, evaluation: OutageEvaluation, written: tuple[Path, ...] = ()
 ) -> None:
-    """Print causal against smoothed, claimed against real.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    evaluation : OutageEvaluation
-        Errors with GNSS withheld.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print causal against smoothed, claimed against real."""
     from schuler.cli.navigate import show_findings
     from schuler.report.numbers import number, percent
 

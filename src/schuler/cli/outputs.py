@@ -17,18 +17,7 @@ STDOUT = Path("-")
 
 
 def plain_values(value: Any) -> Any:
-    """Return plain JSON values: arrays become lists, numbers that are not finite become null.
-
-    Parameters
-    ----------
-    value : any
-        Mappings, sequences, NumPy arrays and numbers, strings, None.
-
-    Returns
-    -------
-    any
-        The same in plain Python.
-    """
+    """Return plain JSON values: arrays become lists, numbers that are not finite become null."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -43,18 +32,7 @@ def plain_values(value: Any) -> Any:
 
 
 def json_text(value: Any) -> str:
-    """Return JSON that every parser reads.
-
-    Parameters
-    ----------
-    value : any
-        See `plain_values`.
-
-    Returns
-    -------
-    str
-        Indented JSON with a newline at its end.
-    """
+    """Return JSON that every parser reads."""
     return json.dumps(plain_values(value), indent=2, allow_nan=False) + "\n"
 
 
@@ -86,15 +64,7 @@ class Outputs:
                 seen.add(path.resolve())
 
     def text(self, path: Path | None, make: Callable[[], str]) -> None:
-        """Add a file of text, or nothing when `path` is None.
-
-        Parameters
-        ----------
-        path : Path or None
-            File, or ``-`` for standard output.
-        make : callable
-            Returns the whole text; called at once.
-        """
+        """Add a file of text, or nothing when `path` is None."""
         if path is None:
             return
         content = make()
@@ -104,26 +74,12 @@ class Outputs:
             self.file(path, lambda temporary: _write(temporary, content))
 
     def file(self, path: Path | None, write: Callable[[Path], None]) -> None:
-        """Add a file that a function writes, or nothing when `path` is None.
-
-        Parameters
-        ----------
-        path : Path or None
-            Final name.
-        write : callable
-            Takes a temporary path and writes the whole file there.
-        """
+        """Add a file that a function writes, or nothing when `path` is None."""
         if path is not None:
             self._jobs.append((path, write))
 
     def commit(self) -> tuple[Path, ...]:
-        """Write all files; none appears before all are complete.
-
-        Returns
-        -------
-        tuple of Path
-            What was written.
-        """
+        """Write all files; none appears before all are complete."""
         self._write_from(0)
         for content in self._spoken:
             sys.stdout.write(content)

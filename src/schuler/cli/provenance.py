@@ -18,22 +18,7 @@ def command_provenance(
     seeds: Mapping[str, int] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Provenance:
-    """Record this command with its inputs.
-
-    Parameters
-    ----------
-    inputs : iterable of Path
-        Files that were read.
-    seeds : mapping of str to int, optional
-        Seeds.
-    settings : mapping, optional
-        Options.
-
-    Returns
-    -------
-    Provenance
-        The record.
-    """
+    """Record this command with its inputs."""
     from schuler.cli.outputs import plain_values
     from schuler.report.provenance import record_provenance
 

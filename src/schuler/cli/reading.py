@@ -11,25 +11,7 @@ from schuler.errors import InputError
 
 
 def columns_of(pairs: tuple[str, ...], names: str | None) -> dict[str, Any] | list[str] | None:
-    """Return what the user said about columns, as the readers want it.
-
-    Parameters
-    ----------
-    pairs : tuple of str
-        ``ROLE=NAME`` each; a NAME of digits is the number of the column from 0.
-    names : str or None
-        All names of a file without header, in order, with commas between.
-
-    Returns
-    -------
-    dict or list or None
-        Mapping from role to column, or names in order.
-
-    Raises
-    ------
-    InputError
-        Both are given, or a pair without an equals sign.
-    """
+    """Return what the user said about columns, as the readers want it."""
     if pairs and names is not None:
         raise InputError("--column and --columns together", expected="one of them")
     if names is not None:
@@ -90,18 +72,7 @@ class ImuReading:
     ros_topic: str | None = None
 
     def options(self, *, repair: bool = False) -> dict[str, Any]:
-        """Return the arguments of `read_imu`.
-
-        Parameters
-        ----------
-        repair : bool
-            Leave out rows that cannot be used.
-
-        Returns
-        -------
-        dict
-            Only what the user gave.
-        """
+        """Return the arguments of `read_imu`."""
         return _given(
             columns=columns_of(self.column, self.columns),
             rate=self.rate,
@@ -179,13 +150,7 @@ class DriveReading:
     flip: Annotated[tuple[str, ...], Parameter(negative=())] = ()
 
     def imu_options(self) -> dict[str, Any]:
-        """Return the arguments of `read_imu`.
-
-        Returns
-        -------
-        dict
-            Only what the user gave.
-        """
+        """Return the arguments of `read_imu`."""
         return _given(
             columns=columns_of(self.imu_column, self.imu_columns),
             rate=self.imu_rate,
@@ -198,13 +163,7 @@ class DriveReading:
         )
 
     def gnss_options(self) -> dict[str, Any]:
-        """Return the arguments of `read_gnss`.
-
-        Returns
-        -------
-        dict
-            Only what the user gave.
-        """
+        """Return the arguments of `read_gnss`."""
         return _given(
             columns=columns_of(self.gnss_column, self.gnss_columns),
             time_unit=self.gnss_time_unit,

@@ -54,18 +54,7 @@ class RunOptions:
     gnss_correlated: str | None = None
 
     def keywords(self) -> dict[str, Any]:
-        """Return them as `schuler.navigation.prepare` and `evaluate_outages` want them.
-
-        Returns
-        -------
-        dict
-            In SI and radians.
-
-        Raises
-        ------
-        InputError
-            Numbers that are not understood.
-        """
+        """Return them as `schuler.navigation.prepare` and `evaluate_outages` want them."""
         from schuler.cli.loading import parse_numbers
         from schuler.navigation.aiding.vehicle import check_constraints
 

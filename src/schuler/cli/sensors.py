@@ -76,13 +76,7 @@ class SensorOptions:
         return tuple(f for f in given if f is not None)
 
     def check(self) -> None:
-        """Raise when options do not go together, before anything is read.
-
-        Raises
-        ------
-        InputError
-            An option of a sensor without its file; numbers that cannot be.
-        """
+        """Raise when options do not go together, before anything is read."""
         plain = SensorOptions()
         for file, option, names in (
             (self.heading_file, "--heading-file", ("sd", "baseline", "offset_sd", "unit")),
@@ -116,27 +110,7 @@ class SensorOptions:
     def keywords(
         self, known: dict[str, Any], time: FloatArray, *, repair: bool = False
     ) -> dict[str, Any]:
-        """Read the files and put their measurements beside what is known of the run.
-
-        Parameters
-        ----------
-        known : dict
-            Of `RunOptions.keywords`.
-        time : (n,) ndarray
-            Of the IMU, s.
-        repair : bool
-            Leave out rows that cannot be used.
-
-        Returns
-        -------
-        dict
-            The same, with the sources among the ``measurements``.
-
-        Raises
-        ------
-        InputError
-            A file that cannot be used, or that holds nothing in the time of the IMU.
-        """
+        """Read the files and put their measurements beside what is known of the run."""
         if not self.files:
             return known
         from schuler.navigation.aiding.options import PLAIN

@@ -201,22 +201,7 @@ def scenario_of(
     sensor: SensorOptions,
     gnss: ReceiverOptions,
 ) -> Scenario:
-    """Return the description of a drive from the options of the command.
-
-    Parameters
-    ----------
-    motion, duration, waypoints, track, fault
-        As for `simulate`.
-    sensor : SensorOptions
-        The IMU.
-    gnss : ReceiverOptions
-        The receiver.
-
-    Returns
-    -------
-    Scenario
-        In SI units.
-    """
+    """Return the description of a drive from the options of the command."""
     from math import radians
 
     import numpy as np
@@ -349,19 +334,7 @@ def _shown(imus: tuple[ImuRecording, ...]) -> tuple[ImuRecording, ...]:
 def show_simulation(
     screen: Screen, drive: SimulatedDrive, told: dict[str, Any], written: tuple[Path, ...]
 ) -> None:
-    """Print what was simulated.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    drive : SimulatedDrive
-        The drive.
-    told : dict
-        Its description.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print what was simulated."""
     from schuler.report.numbers import duration, number
 
     imu = drive.imus[0]

@@ -24,23 +24,7 @@ FAULTS = (
 
 
 def parse_faults(texts: tuple[str, ...]) -> tuple[tuple[Fault, ...], tuple[FixFault, ...]]:
-    """Return faults of the IMU and of GNSS.
-
-    Parameters
-    ----------
-    texts : tuple of str
-        As for ``--fault``.
-
-    Returns
-    -------
-    tuple of tuples
-        In the order given.
-
-    Raises
-    ------
-    InputError
-        A fault that is not understood.
-    """
+    """Return faults of the IMU and of GNSS."""
     from schuler.simulation.gnss_faults import LateStamps, WrongFix
 
     imu: list[Fault] = []
@@ -97,27 +81,7 @@ def _lasting(numbers: list[float], place: int) -> float:
 def profile_of(
     waypoints: Path | None, track: Path | None, duration: float | None
 ) -> tuple[Profile, str]:
-    """Return a motion from a file.
-
-    Parameters
-    ----------
-    waypoints : Path or None
-        Table of way-points.
-    track : Path or None
-        GNSS recording.
-    duration : float or None
-        Must not be given with either.
-
-    Returns
-    -------
-    tuple of Profile and str
-        The motion and its name.
-
-    Raises
-    ------
-    InputError
-        Both files, or a table without what is needed.
-    """
+    """Return a motion from a file."""
     from schuler.simulation.motions.tracks import from_track
 
     if waypoints is not None and track is not None:
@@ -184,18 +148,7 @@ def _waypoints(path: Path) -> Profile:
 
 
 def make_folder(out: Path) -> None:
-    """Make the folder that a simulation is written into.
-
-    Parameters
-    ----------
-    out : Path
-        The folder.
-
-    Raises
-    ------
-    InputError
-        A file has that name, or the folder above it does not exist.
-    """
+    """Make the folder that a simulation is written into."""
     if out.exists() and not out.is_dir():
         raise InputError("is a file", expected="a folder to write into", where=str(out))
     if not out.parent.is_dir():
@@ -211,22 +164,7 @@ def description(
     gnss: ReceiverOptions,
     fault: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Return what was simulated as plain values: the options given, and what was drawn.
-
-    Parameters
-    ----------
-    scenario, drive
-        What was asked for and what came out.
-    seed : int
-        Of everything random.
-    sensor, gnss, fault
-        The options of the command, in its units.
-
-    Returns
-    -------
-    dict
-        For YAML, JSON and the report.
-    """
+    """Return what was simulated as plain values: the options given, and what was drawn."""
     from dataclasses import asdict
 
     from schuler.cli.outputs import plain_values
@@ -251,26 +189,7 @@ def description(
 def write_drive(
     out: Path, drive: SimulatedDrive, scenario: Scenario, told: dict[str, Any], form: str
 ) -> tuple[Path, ...]:
-    """Write recordings, truth, noise model and description into a folder, all or none.
-
-    Parameters
-    ----------
-    out : Path
-        Existing folder.
-    drive : SimulatedDrive
-        What to write.
-    scenario : Scenario
-        For the noise model.
-    told : dict
-        The description.
-    form : str
-        "parquet" or "csv".
-
-    Returns
-    -------
-    tuple of Path
-        What was written.
-    """
+    """Write recordings, truth, noise model and description into a folder, all or none."""
     import yaml
 
     from schuler.cli.outputs import Outputs

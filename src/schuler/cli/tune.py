@@ -83,17 +83,7 @@ def tune(
 
 
 def show_tuning(screen: Screen, found: NoiseTuning, written: tuple[Path, ...] = ()) -> None:
-    """Print factors with their intervals, and what others would cost.
-
-    Parameters
-    ----------
-    screen : Screen
-        Terminal.
-    found : NoiseTuning
-        Of a drive.
-    written : tuple of Path
-        Files that were written.
-    """
+    """Print factors with their intervals, and what others would cost."""
     from schuler.report.numbers import number
     from schuler.report.sections.tuning import inflation_rows, loss_rows
 

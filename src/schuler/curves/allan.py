@@ -90,20 +90,7 @@ class AllanCurve:
 
 
 def default_factors(samples: int, per_decade: int = _PER_DECADE) -> NDArray[np.int64]:
-    """Cluster lengths, log-spaced: unique integers up to a ninth of the record (spec 2.3).
-
-    Parameters
-    ----------
-    samples : int
-        Length of the signal.
-    per_decade : int
-        About how many a decade.
-
-    Returns
-    -------
-    (t,) ndarray of int
-        At least [1].
-    """
+    """Cluster lengths, log-spaced: unique integers up to a ninth of the record (spec 2.3)."""
     longest = max(1, samples // 9)
     count = int(np.ceil(np.log10(longest) * per_decade)) + 1
     return np.unique(np.round(np.geomspace(1, longest, count)).astype(np.int64))

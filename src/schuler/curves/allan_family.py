@@ -46,43 +46,7 @@ def family_deviation(
     taus: ArrayLike | None = None,
     kind: Kind = "modified",
 ) -> AllanCurve:
-    """Return a relative of the Allan deviation with 95 % intervals at every cluster time.
-
-    Parameters
-    ----------
-    signal : (n,) or (n, m) array_like
-        Rate-like samples (angular rate, specific force), one signal a column.
-    rate : float
-        Samples a second.
-    taus : array_like, optional
-        Wanted cluster times in s, taken to whole samples; those that the record cannot hold are
-        dropped. Default: about 20 a decade up to a ninth of the record, for "total" a
-        third and for the other total kinds a fifth of the record.
-    kind : str
-        "nonoverlapping": Allan's first definition, for comparison with old results.
-        "modified": also averages the phase; tells quantisation (slope -3/2) from white noise.
-        "hadamard": overlapping third differences; does not see a rate ramp.
-        "total": the overlapping Allan deviation on the record reflected at its ends.
-        "modified total", "hadamard total": likewise, every three clusters reflected. Beyond
-        8 samples a cluster every (m/4)-th window of m-sample clusters is used, which costs
-        one percent of the variance of the estimate and makes long records possible.
-
-    Returns
-    -------
-    AllanCurve
-        `.deviation` is the estimator as defined, which for the total kinds has an expectation
-        below the deviation without "total" (see `variance_bias`); `.lower` and `.upper` bound
-        the latter, with that bias taken off.
-
-    Raises
-    ------
-    InputError
-        Not finite, fewer than 4 samples, an impossible rate, an unknown kind, or no tau that fits.
-
-    Notes
-    -----
-    NIST SP 1065 sections 5.2.3, 5.2.5, 5.2.9, 5.2.11, 5.2.12 and 5.2.14.
-    """
+    """Return a relative of the Allan deviation with 95 % intervals at every cluster time."""
     if kind not in KINDS:
         raise InputError(
             f"Allan deviation of kind '{kind}'", expected=", ".join(("overlapping", *KINDS))

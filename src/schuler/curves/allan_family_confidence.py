@@ -107,28 +107,7 @@ def _covariance(law: str, order: int, modified: bool, m: float, lags: FloatArray
 def difference_degrees_of_freedom(
     law: str, order: int, modified: bool, stride: int, factor: int, terms: int
 ) -> float:
-    """Equivalent degrees of freedom of a mean square of differences of power-law noise.
-
-    Parameters
-    ----------
-    law : {"quantization", "white", "flicker", "walk"}
-        Noise of the samples.
-    order : int
-        Differences of theta: 2 Allan, 3 Hadamard.
-    modified : bool
-        Differences are averaged over a cluster.
-    stride : int
-        Values of theta from term to term: 1 overlapping, `factor` not.
-    factor : int
-        Samples in a cluster.
-    terms : int
-        Differences that are averaged.
-
-    Returns
-    -------
-    float
-        At least about 1.
-    """
+    """Equivalent degrees of freedom of a mean square of differences of power-law noise."""
     m, count = float(factor), float(terms)
     lags: FloatArray
     if stride == factor:
@@ -189,24 +168,7 @@ def _law_freedom(kind: Kind, law: str, m: int, samples: int) -> float:
 def family_degrees_of_freedom(
     kind: Kind, slope: FloatArray, factors: NDArray[np.int64], samples: int
 ) -> FloatArray:
-    """Equivalent degrees of freedom at every cluster length, by the local slope of the curve.
-
-    Parameters
-    ----------
-    kind : str
-        Estimator.
-    slope : (t, m) ndarray
-        Slope of log variance against log tau.
-    factors : (t,) ndarray of int
-        Samples in a cluster.
-    samples : int
-        Length of the signal.
-
-    Returns
-    -------
-    (t, m) ndarray
-        At least 1.
-    """
+    """Equivalent degrees of freedom at every cluster length, by the local slope of the curve."""
     rows = np.array([[_law_freedom(kind, law, int(m), samples) for law in _LAWS] for m in factors])
     laws = _SLOPES["modified" in kind]
     logs = np.log(np.maximum(rows, 1.0))[:, list(_NODES)]
@@ -217,24 +179,7 @@ def family_degrees_of_freedom(
 def variance_bias(
     kind: Kind, slope: FloatArray, factors: NDArray[np.int64], samples: int
 ) -> FloatArray:
-    """Expectation of a total variance over that of the same variance without "total".
-
-    Parameters
-    ----------
-    kind : str
-        Estimator.
-    slope : (t, m) ndarray
-        Slope of log variance against log tau; between the power laws the bias is linear in it.
-    factors : (t,) ndarray of int
-        Samples in a cluster.
-    samples : int
-        Length of the signal.
-
-    Returns
-    -------
-    (t, m) ndarray
-        1 for all other kinds.
-    """
+    """Expectation of a total variance over that of the same variance without "total"."""
     out = np.ones_like(slope)
     if "total" not in kind:
         return out

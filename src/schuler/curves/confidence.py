@@ -48,30 +48,7 @@ def _squares(parts: Sequence[Process], kind: type[Process], name: str) -> float:
 def allan_covariance(
     process: Process, factors: NDArray[np.int64], samples: int, dt: float
 ) -> FloatArray:
-    """Covariance of the logarithms of overlapping Allan variances, to first order.
-
-    Parameters
-    ----------
-    process : Process
-        What the signal is. Ramps, constants and sinusoids do not scatter and are left out.
-    factors : (t,) ndarray of int
-        Samples in a cluster, increasing, at most samples/2.
-    samples : int
-        Length of the signal.
-    dt : float
-        Sample interval in s.
-
-    Returns
-    -------
-    (t, t) ndarray
-        cov(s_i, s_j)/(E s_i E s_j) of the variances of the random parts; 2 over its diagonal are
-        the equivalent degrees of freedom.
-
-    Notes
-    -----
-    Exact for Gaussian processes up to the sampling of Gauss-Markov noise faster than dt; see
-    `schuler.kernels.allan_covariance`.
-    """
+    """Covariance of the logarithms of overlapping Allan variances, to first order."""
     from schuler.kernels.allan_covariance import relative_covariance
 
     parts = process.components
@@ -95,28 +72,7 @@ def allan_covariance(
 def power_law_degrees_of_freedom(
     slope: ArrayLike, factors: NDArray[np.int64], samples: int
 ) -> FloatArray:
-    """Equivalent degrees of freedom of overlapping Allan variances of power-law noise.
-
-    Parameters
-    ----------
-    slope : (t,) or (t, m) array_like
-        Slope of log variance against log tau at every tau: -2 quantisation, -1 white, 0 flicker,
-        +1 random walk. Between these the logarithm is interpolated; beyond, the end counts.
-    factors : (t,) ndarray of int
-        Samples in a cluster, increasing, at most samples/2.
-    samples : int
-        Length of the signal.
-
-    Returns
-    -------
-    (t,) or (t, m) ndarray
-        Degrees of freedom, at least about 1.
-
-    Notes
-    -----
-    For every cluster length, from the covariance of second differences: no formula with a limited
-    range (compare NIST SP 1065, 5.3 and 5.4).
-    """
+    """Equivalent degrees of freedom of overlapping Allan variances of power-law noise."""
     from schuler.kernels.allan_covariance import relative_covariance
 
     none = np.zeros(0)
@@ -143,23 +99,7 @@ def power_law_degrees_of_freedom(
 
 
 def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> FloatArray:
-    """Slope of log variance against log tau, smoothed over a window about every tau.
-
-    Parameters
-    ----------
-    tau : (t,) ndarray
-        Cluster times in s, increasing.
-    variance : (t,) ndarray
-        Allan variances; zeros are left out.
-    decades : float
-        Half width of the window, wider where it holds fewer than three points. Points count with
-        weight 1/tau, as their certainty does.
-
-    Returns
-    -------
-    (t,) ndarray
-        Slope; -1 (white noise) where no two points are in reach.
-    """
+    """Slope of log variance against log tau, smoothed over a window about every tau."""
     slope = np.full(tau.size, -1.0)
     near: NDArray[np.bool_] | NDArray[np.intp]
     good = variance > 0.0
@@ -182,20 +122,7 @@ def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> 
 def chi_square_bounds(
     degrees_of_freedom: FloatArray, confidence: float = 0.95
 ) -> tuple[FloatArray, FloatArray]:
-    """Factors from a deviation to the ends of its confidence interval.
-
-    Parameters
-    ----------
-    degrees_of_freedom : ndarray
-        Equivalent degrees of freedom.
-    confidence : float
-        Probability that the interval covers the truth.
-
-    Returns
-    -------
-    tuple of ndarray
-        sqrt(nu/chi²) at the upper and at the lower quantile: below and above one.
-    """
+    """Factors from a deviation to the ends of its confidence interval."""
     from scipy.special import gammaincinv
 
     tail = 0.5 * (1.0 - confidence)

@@ -13,27 +13,7 @@ LARGEST = 1e120
 
 
 def finite_samples(signal: ArrayLike, *, shortest: int, columns: bool = False) -> FloatArray:
-    """Return a signal as float64, or say what is wrong with it.
-
-    Parameters
-    ----------
-    signal : (n,) or (n, m) array_like
-        Samples.
-    shortest : int
-        Fewest samples.
-    columns : bool
-        Whether (n, m) is allowed.
-
-    Returns
-    -------
-    (n,) or (n, m) ndarray
-        Finite, not copied where it is float64 already.
-
-    Raises
-    ------
-    InputError
-        Wrong shape or type, too short, not finite, or beyond 1e120.
-    """
+    """Return a signal as float64, or say what is wrong with it."""
     values = np.asarray(signal)
     if values.ndim not in ((1, 2) if columns else (1,)) or values.dtype.kind not in "fiu":
         raise InputError(
@@ -60,23 +40,7 @@ def finite_samples(signal: ArrayLike, *, shortest: int, columns: bool = False) -
 
 
 def checked_rate(rate: float) -> float:
-    """Return a sample rate in Hz that can be one.
-
-    Parameters
-    ----------
-    rate : float
-        Samples a second.
-
-    Returns
-    -------
-    float
-        The same.
-
-    Raises
-    ------
-    InputError
-        Not finite or not above zero.
-    """
+    """Return a sample rate in Hz that can be one."""
     if not (np.isfinite(rate) and rate > 0.0):
         raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
     return float(rate)

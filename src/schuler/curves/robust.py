@@ -54,23 +54,7 @@ def _tuning(cut: float) -> BiweightTuning:
 
 @lru_cache(maxsize=32)
 def biweight_tuning(efficiency: float) -> BiweightTuning:
-    """Find the cut that gives an efficiency at the normal.
-
-    Parameters
-    ----------
-    efficiency : float
-        Between 0.1 and 0.99; 0.6 cuts at 3.18 standard deviations.
-
-    Returns
-    -------
-    BiweightTuning
-        Constants.
-
-    Raises
-    ------
-    InputError
-        Out of that range.
-    """
+    """Find the cut that gives an efficiency at the normal."""
     from scipy.optimize import brentq
 
     if not 0.1 <= efficiency <= 0.99:
@@ -80,43 +64,12 @@ def biweight_tuning(efficiency: float) -> BiweightTuning:
 
 
 def median_scale(residual: FloatArray) -> float:
-    """Return 1.4826 times the median absolute residual, a standard deviation at the normal.
-
-    Parameters
-    ----------
-    residual : (n,) ndarray
-        Residuals about zero; of long ones some 200 000, evenly spread, are looked at.
-
-    Returns
-    -------
-    float
-        Scale; zero where more than half of the residuals are zero.
-    """
+    """Return 1.4826 times the median absolute residual, a standard deviation at the normal."""
     return _MAD * float(np.median(np.abs(residual[:: max(1, residual.size // _LARGEST_SAMPLE)])))
 
 
 def robust_variance(residual: FloatArray, tuning: BiweightTuning) -> tuple[float, float]:
-    """Estimate a variance with bounded influence.
-
-    Parameters
-    ----------
-    residual : (n,) ndarray
-        Residuals about zero.
-    tuning : BiweightTuning
-        Constants.
-
-    Returns
-    -------
-    variance : float
-        The M-estimate, started at the median scale.
-    error : float
-        Its standard error if the residuals are independent (sandwich).
-
-    Raises
-    ------
-    EstimationError
-        More than half of the residuals are zero.
-    """
+    """Estimate a variance with bounded influence."""
     from schuler.kernels.wavelet_variance import biweight_moments, biweight_spread
 
     variance = median_scale(residual) ** 2

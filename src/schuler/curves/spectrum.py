@@ -236,20 +236,7 @@ def _bin_correlation(segments: int) -> FloatArray:
 
 
 def group_degrees_of_freedom(count: IntArray, segments: int) -> FloatArray:
-    """Equivalent degrees of freedom of averages over bins and half-overlapping Hann segments.
-
-    Parameters
-    ----------
-    count : (b,) ndarray of int
-        Bins in every point.
-    segments : int
-        Segments.
-
-    Returns
-    -------
-    (b,) ndarray
-        For noise whose spectrum is flat across a point: 2/variance of the relative density.
-    """
+    """Equivalent degrees of freedom of averages over bins and half-overlapping Hann segments."""
     correlation = _bin_correlation(segments)
     bins = count.astype(np.float64)
     variance = bins * correlation[0]
@@ -259,18 +246,7 @@ def group_degrees_of_freedom(count: IntArray, segments: int) -> FloatArray:
 
 
 def group_covariance(curve: SpectrumCurve) -> FloatArray:
-    """Covariance of the relative errors of the points of an averaged density.
-
-    Parameters
-    ----------
-    curve : SpectrumCurve
-        With frequency averaging.
-
-    Returns
-    -------
-    (b, b) ndarray
-        2/degrees of freedom on the diagonal; points share bins that the window correlates.
-    """
+    """Covariance of the relative errors of the points of an averaged density."""
     correlation = _bin_correlation(curve.segments)
     out = np.diag(2.0 / curve.degrees_of_freedom)
     last = curve.first + curve.count

@@ -201,22 +201,7 @@ def wavelet_variance(
 
 
 def robust_inflation(factors: NDArray[np.int64], efficiency: float) -> FloatArray:
-    """Variance of M-estimates of every scale over that of plain ones, for white noise.
-
-    Parameters
-    ----------
-    factors : (t,) ndarray of int
-        Samples under either mean.
-    efficiency : float
-        Of independent normal coefficients.
-
-    Returns
-    -------
-    (t,) ndarray
-        From 1/efficiency for coefficients apart down to about 1 + 0.45 (1/efficiency - 1) where
-        they overlap: what a bounded psi adds is carried by the fourth power of the correlation
-        of neighbours, which dies out sooner than its square.
-    """
+    """Variance of M-estimates of every scale over that of plain ones, for white noise."""
     extra = 1.0 / efficiency - 1.0
     ratios = []
     for m in np.minimum(factors, 256):
@@ -328,12 +313,7 @@ def _residual(values: FloatArray) -> tuple[FloatArray, int]:
 
 
 def _drawn_to_level(values: FloatArray, tuning: BiweightTuning) -> _Drawn:
-    """Draw every sample to its local level by the biweight, so that slow changes keep their size.
-
-    With e = x - level and scale s, x' = level + e w(e/s)/b, b = mean d(w r)/dr: a small change of
-    x moves x' as much on average, whatever the outliers are. White noise of variance s² has
-    variance mean (e w/b)² in x', which is known and comes off at every scale.
-    """
+    """Draw every sample to its local level by the biweight; slow changes keep their size."""
     from schuler.kernels.wavelet_variance import biweight_influence
 
     residual, window = _residual(values)

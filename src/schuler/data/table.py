@@ -14,20 +14,7 @@ from schuler.errors import InputError
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], None]) -> None:
-    """Let `write` fill a temporary file beside `path`, then rename it to `path`.
-
-    Parameters
-    ----------
-    path : str or Path
-        Final name.
-    write : callable
-        Takes the temporary path and writes the whole content.
-
-    Raises
-    ------
-    InputError
-        The folder does not exist or cannot be written.
-    """
+    """Let `write` fill a temporary file beside `path`, then rename it to `path`."""
     target = Path(path)
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent or ".")
@@ -50,15 +37,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], None]) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write UTF-8 text so that the file is either old or complete.
-
-    Parameters
-    ----------
-    path : str or Path
-        Final name.
-    text : str
-        Content.
-    """
+    """Write UTF-8 text so that the file is either old or complete."""
     write_atomically(path, lambda temporary: _write_utf8(temporary, text))
 
 
@@ -67,15 +46,7 @@ def _write_utf8(path: Path, text: str) -> None:
 
 
 def write_parquet(path: str | Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
-    """Write named columns as Parquet (zstd).
-
-    Parameters
-    ----------
-    path : str or Path
-        Final name.
-    columns : mapping of str to (n,) ndarray
-        Columns in order.
-    """
+    """Write named columns as Parquet (zstd)."""
     import polars
 
     frame = polars.DataFrame(dict(columns))

@@ -77,29 +77,7 @@ class AllanEffect:
 def allan_effect(
     signal: ArrayLike, rate: float, denoised: Denoised, taus: ArrayLike | None = None
 ) -> AllanEffect:
-    """Return the Allan curves of a record before and after de-noising.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        What was de-noised.
-    rate : float
-        Samples a second.
-    denoised : Denoised
-        Its de-noised form.
-    taus : array_like, optional
-        Cluster times in s, as for `allan_deviation`.
-
-    Returns
-    -------
-    AllanEffect
-        Both curves and the cluster times between which they part.
-
-    Raises
-    ------
-    InputError
-        Not of the same length; as `allan_deviation` otherwise.
-    """
+    """Return the Allan curves of a record before and after de-noising."""
     values = np.asarray(signal)
     if values.shape != denoised.signal.shape:
         raise InputError(

@@ -153,25 +153,7 @@ class CausalDenoiser:
 
 
 def approximation_filter(wavelet: str, level: int) -> FloatArray:
-    """Filter from a signal to its approximation coefficients at a level.
-
-    Parameters
-    ----------
-    wavelet : str
-        An orthogonal wavelet of PyWavelets.
-    level : int
-        Levels of decomposition.
-
-    Returns
-    -------
-    ((taps - 1)(2**level - 1) + 1,) ndarray
-        To be run over the past, newest sample first; its squares sum to one.
-
-    Raises
-    ------
-    InputError
-        An unknown wavelet, or one that is not orthogonal.
-    """
+    """Filter from a signal to its approximation coefficients at a level."""
     import pywt
 
     try:

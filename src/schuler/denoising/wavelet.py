@@ -104,25 +104,7 @@ class Denoised:
 
 
 def level_for_band(band: float, rate: float) -> int:
-    """Most levels whose approximation still holds everything up to a frequency.
-
-    Parameters
-    ----------
-    band : float
-        Hz, such as the 5 Hz of a land vehicle's motion.
-    rate : float
-        Samples a second.
-
-    Returns
-    -------
-    int
-        L with rate/2**(L + 1) >= band.
-
-    Raises
-    ------
-    InputError
-        Not 0 < band <= rate/4.
-    """
+    """Most levels whose approximation still holds everything up to a frequency."""
     rate = checked_rate(rate)
     if not (np.isfinite(band) and 0.0 < band <= 0.25 * rate):
         raise InputError(f"band is {band:g} Hz", expected=f"above 0, at most {0.25 * rate:g} Hz")

@@ -207,18 +207,7 @@ def _not_seen(channels: Mapping[str, Identification]) -> list[str]:
 
 
 def grid_step(values: FloatArray) -> float | None:
-    """Return the step of the grid on which all values lie, None if there is none.
-
-    Parameters
-    ----------
-    values : (n,) ndarray
-        Samples of one channel; the first 20 000 are looked at.
-
-    Returns
-    -------
-    float or None
-        Step in the unit of the values.
-    """
+    """Return the step of the grid on which all values lie, None if there is none."""
     jumps = np.abs(np.diff(values[:_GRID_SAMPLES]))
     jumps = jumps[jumps > 1e-9 * max(float(np.abs(values[:_GRID_SAMPLES]).max()), 1e-300)]
     if jumps.size < 10:

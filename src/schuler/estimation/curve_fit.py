@@ -81,20 +81,7 @@ class CurvePoints:
 
 
 def thin(curve: AllanCurve, per_decade: float) -> CurvePoints:
-    """Take about `per_decade` points a decade; more of them would say the same again.
-
-    Parameters
-    ----------
-    curve : AllanCurve
-        Of one signal.
-    per_decade : float
-        How many.
-
-    Returns
-    -------
-    CurvePoints
-        Points of positive variance.
-    """
+    """Take about `per_decade` points a decade; more of them would say the same again."""
     grid = np.round(np.log10(curve.tau / curve.tau[0]) * per_decade)
     keep = np.flatnonzero(np.diff(grid, prepend=-1.0) > 0.0)
     keep = keep[curve.deviation[keep] > 0.0]
@@ -144,22 +131,7 @@ class Scatter:
 
 
 def scatter_of(process: Process, points: CurvePoints, discrepancy: float = 0.0) -> Scatter:
-    """Return the scatter of the points if the signal is `process`.
-
-    Parameters
-    ----------
-    process : Process
-        As far as it is known.
-    points : CurvePoints
-        The points.
-    discrepancy : float
-        Standard deviation, in log variance, by which no model of this family can be better.
-
-    Returns
-    -------
-    Scatter
-        Covariance with the log-chi-square moments on its diagonal.
-    """
+    """Return the scatter of the points if the signal is `process`."""
     from scipy.special import digamma, polygamma
 
     relative = allan_covariance(process, points.factors, points.samples, points.dt)
@@ -211,18 +183,7 @@ class StructureFit:
 
 
 def free_parameters(parts: Sequence[Process]) -> tuple[tuple[int, str], ...]:
-    """List part and field of everything a fit finds.
-
-    Parameters
-    ----------
-    parts : sequence of Process
-        A structure.
-
-    Returns
-    -------
-    tuple of (int, str)
-        In order of the parts.
-    """
+    """List part and field of everything a fit finds."""
     return tuple((k, name) for k, part in enumerate(parts) for name in FREE[part.kind])
 
 
@@ -253,20 +214,7 @@ def _evaluate(
 
 
 def log_jacobian(fit: StructureFit, tau: FloatArray) -> FloatArray:
-    """Derivatives of the log model by the logarithms of the parameters.
-
-    Parameters
-    ----------
-    fit : StructureFit
-        Where.
-    tau : (t,) ndarray
-        Cluster times in s.
-
-    Returns
-    -------
-    (t, p) ndarray
-        One column a parameter.
-    """
+    """Derivatives of the log model by the logarithms of the parameters."""
     logs = np.array([math.log(max(abs(getattr(fit.parts[k], n)), 1e-300)) for k, n in fit.names])
     return _evaluate(fit.parts, fit.names, logs, tau)[1]
 
@@ -274,24 +222,7 @@ def log_jacobian(fit: StructureFit, tau: FloatArray) -> FloatArray:
 def fit_structure(
     parts: Sequence[Process], points: CurvePoints, scatter: Scatter, iterations: int = 60
 ) -> StructureFit:
-    """Minimise the whitened misfit of the log curve over the logarithms of the parameters.
-
-    Parameters
-    ----------
-    parts : sequence of Process
-        Structure and start values, amplitudes above zero.
-    points : CurvePoints
-        What to fit.
-    scatter : Scatter
-        How it scatters.
-    iterations : int
-        At most.
-
-    Returns
-    -------
-    StructureFit
-        Levenberg-Marquardt; correlation times stay between the first point and 20 records.
-    """
+    """Minimise the whitened misfit of the log curve over the logarithms of the parameters."""
     names = free_parameters(parts)
     logs = np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
     times = np.array([n == "correlation_time" for _, n in names], dtype=bool)

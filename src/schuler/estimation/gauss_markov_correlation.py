@@ -100,30 +100,7 @@ class GaussMarkovCorrelation:
 
 
 def fit_gauss_markov(curve: AutocorrelationCurve) -> GaussMarkovCorrelation:
-    """Fit R(lag) = sigma² exp(-lag/Tc), with a white spike at lag 0, to an autocovariance.
-
-    Parameters
-    ----------
-    curve : AutocorrelationCurve
-        Biased, up to a lag of several correlation times.
-
-    Returns
-    -------
-    GaussMarkovCorrelation
-        Parameters, standard errors, sampling error law, test of the shape.
-
-    Raises
-    ------
-    InputError
-        An unbiased curve, or fewer than 5 lags.
-    EstimationError
-        A constant signal, or no correlation beyond lag 0 that stands out of its noise.
-
-    Notes
-    -----
-    Spec 2.1, S004 (11) with the exponent negative. The loss of 2 sigma² Tc/T at every lag by
-    removing the mean, and of the factor 1 - lag/T, are part of the model.
-    """
+    """Fit R(lag) = sigma² exp(-lag/Tc), with a white spike at lag 0, to an autocovariance."""
     if curve.kind != "biased":
         raise InputError("an unbiased autocovariance", expected="kind='biased'")
     if curve.lag.size < 5:

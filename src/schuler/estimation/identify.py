@@ -97,50 +97,7 @@ def identify(
     order: Order = None,
     shortest: float | None = None,
 ) -> Identification | MethodIdentification:
-    """Find the processes that a signal is made of, with standard errors, by the method named.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples at rest, in rad/s or m/s² (or any unit; the result is in the same).
-    rate : float
-        Samples a second.
-    model : {"auto", "classical"} or Process
-        "auto" lets the method choose the structure; "classical" is white noise + bias
-        instability + random walk, as datasheets have it; a process (sum) fixes the structure, an
-        `Autoregressive` or `ARMA` process the orders.
-    method : str
-        One of `METHODS`: "allan", "slope", "psd", "autocorrelation", "gmwm", "gmwm-robust", "ml"
-        find sums of processes; "ar" (Burg), "ar-covariance", "ar-yule-walker", "arma", "fos" and
-        "garch" find predictors of the samples.
-    order : int or (int, int), optional
-        Fixes the order: p for AR; (p, q) for ARMA; squares and variances for GARCH; longest lag
-        and degree for FOS. Without it orders are chosen by BIC (FOS: lags up to 10, degree 1).
-    shortest : float, optional
-        "psd" and "ml" leave faster times (s) than this out of the fit, where a sensor's own
-        low-pass filter correlates neighbouring samples; the methods of the Allan and wavelet
-        variance find out by themselves.
-
-    Returns
-    -------
-    Identification or MethodIdentification
-        The first for "allan". Both have `.method`, `.process`, `.parameters`,
-        `.standard_errors`, `.diagnostics` and `.to_dict()`; see
-        `schuler.estimation.result.MethodResult`.
-
-    Raises
-    ------
-    InputError
-        An unknown method, a model or an order that does not suit it, a signal that is not
-        one-dimensional or not finite, an impossible rate.
-    EstimationError
-        Fewer than 100 samples, a signal that does not vary, or nothing of what the method looks
-        for.
-
-    Notes
-    -----
-    Design 8; spec 2 to 5. A result may be flagged; read `.flags` before use.
-    """
+    """Find the processes that a signal is made of, with standard errors, by the method named."""
     if method not in METHODS:
         raise InputError(f"method '{method}'", expected=", ".join(METHODS))
     if order is not None and method in STRUCTURAL:

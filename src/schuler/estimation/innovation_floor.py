@@ -31,30 +31,6 @@ def innovation_variance(
 
     exp of the mean of ln(rate S(f)) over all frequencies, S two-sided; for Gaussian signals no
     other predictor does better either.
-
-    Parameters
-    ----------
-    frequency : (f,) array_like
-        Increasing, in Hz, 0 to rate/2; the first and last value are extended to the ends.
-    density : (f,) array_like
-        Power spectral density in u²/Hz.
-    rate : float
-        Samples a second.
-    onesided : bool
-        Whether the density is the one-sided one (twice the two-sided).
-    degrees_of_freedom : float or (f,) array_like, optional
-        Of an estimated density: the logarithm of a chi-square variable has mean
-        psi(nu/2) - ln(nu/2), which is taken off. Default: an exact density.
-
-    Returns
-    -------
-    float
-        Variance in u².
-
-    Raises
-    ------
-    InputError
-        Arrays that do not fit, or a density that is not above zero.
     """
     f = np.asarray(frequency, dtype=np.float64)
     s = np.asarray(density, dtype=np.float64) * (0.5 if onesided else 1.0)
@@ -85,31 +61,7 @@ def _logarithmic_bias(degrees_of_freedom: ArrayLike) -> FloatArray:
 
 
 def innovation_variance_of_signal(signal: ArrayLike) -> float:
-    """Estimate the innovation variance of a record from its own averaged spectrum.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        At least 1024 samples, in u.
-
-    Returns
-    -------
-    float
-        Variance in u², with a relative standard error of about sqrt(3/n).
-
-    Raises
-    ------
-    InputError
-        Too short, not finite.
-    EstimationError
-        A signal that does not vary.
-
-    Notes
-    -----
-    Welch with the Blackman-Harris window (side lobes of -92 dB: spectra of de-noised signals
-    fall by many decades), half overlapped. A known process gives the exact value:
-    `Process.innovation_variance`.
-    """
+    """Estimate the innovation variance of a record from its own averaged spectrum."""
     from scipy.signal import welch
 
     series = prepare(signal, fewest=_FEWEST)
@@ -127,34 +79,7 @@ def innovation_variance_of_signal(signal: ArrayLike) -> float:
 def check_prediction_floor(
     mean_square_error: float, floor: float, *, samples: int | None = None, what: str = "predictor"
 ) -> float:
-    """Refuse a held-out error that no predictor can have.
-
-    Parameters
-    ----------
-    mean_square_error : float
-        One-step, on data that the predictor has not seen, in u².
-    floor : float
-        Innovation variance in u².
-    samples : int, optional
-        Held-out samples: few of them may undercut the floor by chance (five standard errors).
-    what : str
-        Name for the message.
-
-    Returns
-    -------
-    float
-        Error over floor.
-
-    Raises
-    ------
-    EstimationError
-        The error is below 0.9 of the floor: it was measured on other data (training, de-noised,
-        a look ahead) than the floor.
-
-    Notes
-    -----
-    Spec 3 and 12, mistake 7.
-    """
+    """Refuse a held-out error that no predictor can have."""
     if not (math.isfinite(floor) and floor > 0.0):
         raise InputError(f"an innovation variance of {floor:g}", expected="above zero")
     ratio = mean_square_error / floor

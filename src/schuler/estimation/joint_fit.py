@@ -46,18 +46,7 @@ _LOOKED_FOR: tuple[Process, ...] = (RandomWalk(1.0), Quantization(1.0), RateRamp
 
 
 def fit_factors(samples: int) -> NDArray[np.int64]:
-    """Cluster lengths of the curve that is fitted: the default ones and a few up to a third.
-
-    Parameters
-    ----------
-    samples : int
-        Length of the signal.
-
-    Returns
-    -------
-    (t,) ndarray of int
-        The long ones tell a slow Gauss-Markov noise from a random walk.
-    """
+    """Cluster lengths of the curve that is fitted: the default ones and a few up to a third."""
     usual = default_factors(samples)
     longest = max(samples // _LONGEST_FRACTION, 1)
     more = np.round(np.geomspace(usual[-1], longest, 8)).astype(np.int64)
@@ -122,25 +111,7 @@ def _check_length(samples: int) -> None:
 def identify_curve(
     curve: AllanCurve, model: Literal["auto", "classical"] | Process = "auto"
 ) -> Identification:
-    """Find the processes behind an Allan curve.
-
-    Parameters
-    ----------
-    curve : AllanCurve
-        Of one signal, best at the cluster lengths of `fit_factors`.
-    model : {"auto", "classical"} or Process
-        As for `identify`.
-
-    Returns
-    -------
-    Identification
-        As from `identify`.
-
-    Raises
-    ------
-    EstimationError
-        The signal does not vary, or is too short.
-    """
+    """Find the processes behind an Allan curve."""
     _check_length(curve.samples)
     points = thin(curve, _POINTS_PER_DECADE)
     if points.tau.size < 4:
@@ -206,12 +177,7 @@ def _scaled(part: Process, points: CurvePoints) -> Process:
 def _fit(
     points: CurvePoints, parts: tuple[Process, ...] | None
 ) -> tuple[CurvePoints, StructureFit, Scatter, dict[str, float]]:
-    """Fit; where that fails, leave out the fastest points, then grant a discrepancy.
-
-    A sensor's own low-pass filter correlates neighbouring samples, which none of the processes
-    describes and no navigation filter feels. So the first ten samples are left out where they do
-    not fit, and the first fifty where the fit would spend a Gauss-Markov noise on them.
-    """
+    """Fit; where that fails, leave out the fastest points, then grant a discrepancy."""
     edges = [1, *(e for e in _BAND_EDGES if points.slower_than(e).tau.size >= _FEWEST_POINTS)]
     whole = points
     for edge in edges:

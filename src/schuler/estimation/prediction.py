@@ -112,43 +112,7 @@ def compare_predictors(
     horizons: Sequence[int] = (1, 10, 100, 1000),
     max_order: int = 20,
 ) -> PredictorComparison:
-    """Compare predictors with the baselines that any of them must beat.
-
-    The baselines are the mean of the training data ("zero"), the last value, AR with the order
-    chosen by BIC, and the Kalman predictor of `process` if given (optimal if that is the truth).
-    Means and models come from the training data alone.
-
-    Parameters
-    ----------
-    train, held_out : (n,) array_like
-        Raw samples in u, of the same sensor and rate.
-    rate : float
-        Samples a second.
-    process : Process, optional
-        For the Kalman predictor, e.g. WhiteNoise + GaussMarkov; also gives the floor.
-    models : mapping of str to ArFit or FosFit, optional
-        Further predictors (without inputs), fitted on the training data.
-    horizons : sequence of int
-        Steps ahead.
-    max_order : int
-        Highest order tried by BIC.
-
-    Returns
-    -------
-    PredictorComparison
-        Errors on the same origins for every predictor.
-
-    Raises
-    ------
-    InputError
-        Bad arrays, or held-out data too short for the horizons.
-    EstimationError
-        A one-step error below 0.9 of the floor.
-
-    Notes
-    -----
-    Spec 4.5. Horizons beyond one are measured from at most 4000 origins, evenly spaced.
-    """
+    """Compare predictors with the baselines that any of them must beat."""
     steps = tuple(int(h) for h in horizons)
     if not steps or min(steps) < 1:
         raise InputError(f"horizons {steps}", expected="1 or more steps")
@@ -184,24 +148,7 @@ def compare_predictors(
 def multi_step_ar(
     fit: ArFit, signal: ArrayLike, steps: Sequence[int], origins: ArrayLike
 ) -> FloatArray:
-    """Predict y(origin + h) by an autoregressive model.
-
-    Parameters
-    ----------
-    fit : ArFit
-        Model.
-    signal : (n,) array_like
-        In u.
-    steps : sequence of int
-        Horizons h, 1 or more.
-    origins : (o,) array_like of int
-        Last sample known (from zero), at least order - 1.
-
-    Returns
-    -------
-    (o, len(steps)) ndarray
-        In u: mean plus the first row of the companion to the power h times the past.
-    """
+    """Predict y(origin + h) by an autoregressive model."""
     data = np.asarray(signal, dtype=np.float64) - fit.mean
     base, p = np.asarray(origins, dtype=np.int64), fit.order
     out = np.full((base.size, len(steps)), fit.mean)

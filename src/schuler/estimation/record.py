@@ -68,22 +68,7 @@ class RecordVerdict:
 def judge_record(
     process: ProcessSum, standard_errors: Mapping[str, float], duration: float
 ) -> RecordVerdict:
-    """Compare the length of a record with the one that its parameters need.
-
-    Parameters
-    ----------
-    process : ProcessSum
-        Fitted.
-    standard_errors : mapping of str to float
-        By parameter.
-    duration : float
-        Seconds recorded.
-
-    Returns
-    -------
-    RecordVerdict
-        A variance of noise with correlation time Tc needs about 200 Tc for 10 % (spec 2.1).
-    """
+    """Compare the length of a record with the one that its parameters need."""
     values = process.parameters
     verdicts = []
     for key, error in standard_errors.items():

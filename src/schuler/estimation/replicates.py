@@ -47,25 +47,7 @@ class Agreement:
 
 
 def compare_runs(runs: Sequence[Identification], parameter: str) -> Agreement:
-    """Test whether runs agree on one parameter within their own standard errors.
-
-    Parameters
-    ----------
-    runs : sequence of Identification
-        One channel, recorded several times; runs without the parameter are left out.
-    parameter : str
-        Key of `Identification.parameters`.
-
-    Returns
-    -------
-    Agreement
-        Heterogeneity chi-square of the logarithms.
-
-    Raises
-    ------
-    EstimationError
-        Fewer than two runs have the parameter.
-    """
+    """Test whether runs agree on one parameter within their own standard errors."""
     from scipy.special import chdtrc
 
     found = [

@@ -130,18 +130,7 @@ class MethodIdentification:
 
 
 def process_to_list(process: Process | None) -> list[dict[str, Any]]:
-    """Return the parts of a process as plain Python for JSON.
-
-    Parameters
-    ----------
-    process : Process or None
-        Any process.
-
-    Returns
-    -------
-    list of dict
-        Kind and parameters (SI) of every part.
-    """
+    """Return the parts of a process as plain Python for JSON."""
     if process is None:
         return []
     return [{"kind": part.kind, **part.parameters} for part in process.components]

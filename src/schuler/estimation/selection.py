@@ -39,35 +39,12 @@ _GAUSS_MARKOVS_PER_DECADE = 1.0
 
 
 def criterion(fit: StructureFit) -> float:
-    """Misfit plus the penalties of all terms: the smaller, the better.
-
-    Parameters
-    ----------
-    fit : StructureFit
-        A fit.
-
-    Returns
-    -------
-    float
-        In units of chi-square.
-    """
+    """Misfit plus the penalties of all terms: the smaller, the better."""
     return fit.chi_square + math.fsum(PENALTY[kind] for kind in fit.kinds)
 
 
 def rough_process(points: CurvePoints) -> ProcessSum:
-    """Describe a curve by many terms at once, only to learn how its points scatter.
-
-    Parameters
-    ----------
-    points : CurvePoints
-        A curve.
-
-    Returns
-    -------
-    ProcessSum
-        White noise, quantisation, random walk and a Gauss-Markov noise a decade, found by
-        multiplicative non-negative least squares of the relative misfit.
-    """
+    """Describe a curve by many terms at once, only to learn how its points scatter."""
     tau = points.tau
     decades = math.log10(tau[-1] / tau[0])
     times = np.geomspace(2.0 * tau[0], max(tau[-1], 2.0 * tau[0]), max(2, round(decades) + 1))
@@ -168,23 +145,7 @@ def _exchanges(best: StructureFit, points: CurvePoints, scatter: Scatter) -> lis
 def select_structure(
     points: CurvePoints, scatter: Scatter
 ) -> tuple[StructureFit, dict[str, float]]:
-    """Find the sum of processes with the smallest criterion.
-
-    Parameters
-    ----------
-    points : CurvePoints
-        The curve.
-    scatter : Scatter
-        How its points scatter; the same for all structures.
-
-    Returns
-    -------
-    fit : StructureFit
-        The best, its parts in the order white, quantisation, Gauss-Markov (fast to slow), walk,
-        ramp.
-    tried : dict of str to float
-        Criterion of every structure that was the best of a step.
-    """
+    """Find the sum of processes with the smallest criterion."""
     best = fit_structure([_single_starts("white_noise", points)], points, scatter)
     tried = {_name(best): criterion(best)}
     for _ in range(8):

@@ -41,29 +41,7 @@ class Series:
 
 
 def prepare(signal: ArrayLike, *, fewest: int, remove_mean: bool = True) -> Series:
-    """Check a signal, take its mean off and scale it.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples.
-    fewest : int
-        Samples needed.
-    remove_mean : bool
-        Take the mean off.
-
-    Returns
-    -------
-    Series
-        Ready for fitting.
-
-    Raises
-    ------
-    InputError
-        Not one-dimensional numbers, too short, or not finite.
-    EstimationError
-        A signal that does not vary.
-    """
+    """Check a signal, take its mean off and scale it."""
     data = np.asarray(signal)
     if data.ndim != 1 or data.dtype.kind not in "fiu":
         raise InputError(

@@ -15,29 +15,7 @@ _OUTLIER_SIGMAS = 10.0
 
 
 def checked_signal(signal: ArrayLike, fewest: int, *, varying: bool = True) -> FloatArray:
-    """Return a signal as a float64 array that can be fitted.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples.
-    fewest : int
-        Samples that the fit needs.
-    varying : bool
-        Refuse a signal that does not vary.
-
-    Returns
-    -------
-    (n,) ndarray
-        Contiguous.
-
-    Raises
-    ------
-    InputError
-        Not one-dimensional, not finite.
-    EstimationError
-        Too few samples, or no variation.
-    """
+    """Return a signal as a float64 array that can be fitted."""
     values = np.ascontiguousarray(signal, dtype=np.float64)
     if values.ndim != 1:
         raise InputError(f"signal has shape {values.shape}", expected="(n,), one channel at a time")
@@ -65,35 +43,13 @@ def checked_signal(signal: ArrayLike, fewest: int, *, varying: bool = True) -> F
 
 
 def varies(values: FloatArray) -> bool:
-    """Tell whether a signal varies by more than the rounding of its numbers.
-
-    Parameters
-    ----------
-    values : (n,) ndarray
-        Finite.
-
-    Returns
-    -------
-    bool
-        False for a constant.
-    """
+    """Tell whether a signal varies by more than the rounding of its numbers."""
     largest = float(np.abs(values).max(initial=0.0))
     return largest > 0.0 and float(np.std(values / largest)) > 1e-13
 
 
 def outlier_flag(residual: FloatArray) -> str:
-    """Say so if one sample carries much of the variance.
-
-    Parameters
-    ----------
-    residual : (n,) ndarray
-        Innovations, mean about zero.
-
-    Returns
-    -------
-    str
-        Empty if none does.
-    """
+    """Say so if one sample carries much of the variance."""
     squares = residual**2
     row = int(np.argmax(squares))
     share = float(squares[row] / max(float(squares.sum()), 1e-300))

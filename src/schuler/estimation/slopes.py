@@ -74,19 +74,7 @@ class SlopeReadings:
 
 
 def slope_method(curve: AllanCurve) -> SlopeReadings:
-    """Read N, B and K off the curve of one signal.
-
-    Parameters
-    ----------
-    curve : AllanCurve
-        With (t,) arrays.
-
-    Returns
-    -------
-    SlopeReadings
-        From the longest run (in decades) whose local slope, a central difference over a quarter
-        of a decade, is within 0.1 of -1/2, 0 and +1/2.
-    """
+    """Read N, B and K off the curve of one signal."""
     good = curve.deviation > 0.0
     tau, deviation = curve.tau[good], curve.deviation[good]
     if tau.size < 3:

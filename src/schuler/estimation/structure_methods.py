@@ -37,24 +37,7 @@ _SHARED_FLAGS = {
 def process_diagnostics(
     values: FloatArray, process: Process, rate: float, block: int = 1
 ) -> ResidualDiagnostics | None:
-    """Look at what the Kalman predictor of a process leaves of a signal.
-
-    Parameters
-    ----------
-    values : (n,) ndarray
-        In u.
-    process : Process
-        In u.
-    rate : float
-        Samples a second.
-    block : int
-        Means of so many samples are predicted, where the fit left out what is faster.
-
-    Returns
-    -------
-    ResidualDiagnostics or None
-        None where the process has no state space, or too few samples are left.
-    """
+    """Look at what the Kalman predictor of a process leaves of a signal."""
     if block > 1:
         whole = values.size // block * block
         values = (values[:whole] - values[0]).reshape(-1, block).mean(axis=1)
@@ -268,18 +251,5 @@ def _of_identification(
 
 
 def fastest_block(fit: Identification, rate: float) -> int:
-    """Return the samples in the shortest time that a fit describes.
-
-    Parameters
-    ----------
-    fit : Identification
-        Of an Allan or wavelet variance.
-    rate : float
-        Samples a second.
-
-    Returns
-    -------
-    int
-        1 unless the fastest times were left out.
-    """
+    """Return the samples in the shortest time that a fit describes."""
     return max(round(float(fit.diagnostics.tau[0]) * rate), 1)

@@ -71,18 +71,7 @@ class ModelOutages:
         return OutageStatistics(tuple(w for s in self.causal for w in s.windows))
 
     def values(self, metric: Metric = "max_m") -> FloatArray:
-        """Return a figure of every causal window.
-
-        Parameters
-        ----------
-        metric : {"max_m", "mean_m", "rms_m", "end_m"}
-            Which figure.
-
-        Returns
-        -------
-        (repetitions, windows) ndarray
-            m.
-        """
+        """Return a figure of every causal window."""
         return np.array([[getattr(w, metric) for w in s.windows] for s in self.causal])
 
 
@@ -114,23 +103,7 @@ class ErrorModelComparison:
         return tuple(r.model.name for r in self.results)
 
     def __getitem__(self, name: str) -> ModelOutages:
-        """Return the result of one model.
-
-        Parameters
-        ----------
-        name : str
-            Out of `names`.
-
-        Returns
-        -------
-        ModelOutages
-            Its windows.
-
-        Raises
-        ------
-        InputError
-            Not compared.
-        """
+        """Return the result of one model."""
         for result in self.results:
             if result.model.name == name:
                 return result
@@ -206,24 +179,7 @@ def with_error_model(
     turn_on_gyro: float,
     interval: float,
 ) -> RunSetup:
-    """Return a setup whose filter is told another error model, all else the same.
-
-    Parameters
-    ----------
-    setup : RunSetup
-        From `prepare`, with noise factors of one.
-    model : ErrorModel
-        The other.
-    turn_on_accel, turn_on_gyro : float
-        As for `prepare`.
-    interval : float
-        Sample interval of the IMU, s.
-
-    Returns
-    -------
-    RunSetup
-        The vehicle's states, if any, behind those of the model.
-    """
+    """Return a setup whose filter is told another error model, all else the same."""
     sensors = model.sensor_model(turn_on_accel, turn_on_gyro, interval)
     vehicle = setup.vehicle
     if vehicle is not None and vehicle.first_state >= 0:
@@ -353,18 +309,7 @@ def compare_error_models(
 
 
 def check_models(models: Sequence[ErrorModel]) -> None:
-    """Refuse an empty list and names that are given twice.
-
-    Parameters
-    ----------
-    models : sequence of ErrorModel
-        To be compared.
-
-    Raises
-    ------
-    InputError
-        None, or a name twice.
-    """
+    """Refuse an empty list and names that are given twice."""
     names = [m.name for m in models]
     if not names or len(set(names)) != len(names):
         raise InputError(
@@ -375,19 +320,7 @@ def check_models(models: Sequence[ErrorModel]) -> None:
 def add_track(
     track: dict[str, FloatArray], name: str, window: OutageWindow, gnss: GnssRecording
 ) -> None:
-    """Add a model's path through a window to what Figures 21 to 25 of S004 show.
-
-    Parameters
-    ----------
-    track : dict of str to ndarray
-        Of one window; "time" and "reference" are added with the first model.
-    name : str
-        Of the model.
-    window : OutageWindow
-        As judged.
-    gnss : GnssRecording
-        What it was judged by.
-    """
+    """Add a model's path through a window to what Figures 21 to 25 of S004 show."""
     from schuler.earth import ned_from_geodetic
 
     if "reference" not in track:
@@ -412,20 +345,7 @@ def _ordered(windows: list[OutageWindow]) -> OutageStatistics:
 def group_by_model(
     models: Sequence[ErrorModel], draws: Sequence[Mapping[str, tuple[OutageStatistics, float]]]
 ) -> tuple[ModelOutages, ...]:
-    """Put repetitions together model by model.
-
-    Parameters
-    ----------
-    models : sequence of ErrorModel
-        In the order wanted.
-    draws : sequence of mapping of str to (OutageStatistics, float)
-        Of every repetition: windows and NIS of every model.
-
-    Returns
-    -------
-    tuple of ModelOutages
-        Causal results.
-    """
+    """Put repetitions together model by model."""
     return tuple(
         ModelOutages(m, tuple(d[m.name][0] for d in draws), (), tuple(d[m.name][1] for d in draws))
         for m in models

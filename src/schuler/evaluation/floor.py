@@ -18,25 +18,7 @@ from schuler.types import FloatArray
 def white_noise_floor(
     white_density: ArrayLike, rotation: ArrayLike, time: ArrayLike, *, latitude: float = math.pi / 4
 ) -> FloatArray:
-    """Horizontal position error of white noise alone, after a time without aiding.
-
-    Parameters
-    ----------
-    white_density : (6,) array_like
-        N of accelerometer x, y, z (m/s²/sqrt(Hz)) and gyro x, y, z (rad/s/sqrt(Hz)).
-    rotation : (3, 3) array_like
-        C_nb, which axis of the sensor looks where.
-    time : (k,) array_like
-        Seconds since the last aiding.
-    latitude : float
-        For gravity, rad.
-
-    Returns
-    -------
-    (k,) ndarray
-        Root of the sum of the variances north and east, m, for a vehicle that does not
-        accelerate and an outage short against Schuler's 84 minutes. Source: spec 10.
-    """
+    """Horizontal position error of white noise alone, after a time without aiding."""
     n = np.asarray(white_density, dtype=np.float64)
     c = np.asarray(rotation, dtype=np.float64)
     t = np.asarray(time, dtype=np.float64)

@@ -110,15 +110,7 @@ class MechanizationComparison:
         return tuple(r for r in self.results if r.mechanization == mechanization)
 
     def average(self, mechanization: Mechanization, what: str = "rms") -> FloatArray:
-        """Return the mean of an error over the runs of a mechanization, (9,).
-
-        Parameters
-        ----------
-        mechanization : str
-            Which.
-        what : str
-            "rms", "largest" or "claimed".
-        """
+        """Return the mean of an error over the runs of a mechanization, (9,)."""
         mean: FloatArray = np.mean([getattr(r, what) for r in self.of(mechanization)], axis=0)
         return mean
 
@@ -128,15 +120,7 @@ class MechanizationComparison:
         return less
 
     def biases(self) -> tuple[tuple[str, ...], dict[str, tuple[FloatArray, FloatArray]]]:
-        """Return the bias of every sensor axis at the end, as each mechanization has it.
-
-        Returns
-        -------
-        tuple of names and dict
-            Names of the 6 k axes ("imu 1 accel_x"), and by label of the result the estimates and
-            their standard deviations (6 k,), NaN where a mechanization does not know the sensor:
-            a single IMU knows its own, the synthetic one none. S002, Figs 13 and 16.
-        """
+        """Return the bias of every sensor axis at the end, as each mechanization has it."""
         array = self.prepared.array
         names = tuple(f"{n} {c}" for n in array.names for c in FILTER_CHANNELS)
         found = {}
@@ -146,13 +130,7 @@ class MechanizationComparison:
         return names, found
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON.
-
-        Returns
-        -------
-        dict
-            By label: errors, claims, outages, cost.
-        """
+        """Return plain values for JSON."""
         return {
             "imus": list(self.prepared.array.names),
             "notes": list(self.prepared.notes),
@@ -195,35 +173,7 @@ def compare_mechanizations(
     turn_on_gyro: float = TURN_ON_GYRO,
     progress: Callable[[str], None] | None = None,
 ) -> MechanizationComparison:
-    """Run several mechanizations on one array and judge them alike.
-
-    Parameters
-    ----------
-    array, gnss, noise_models
-        As for `navigate_array`.
-    mechanizations : sequence of str
-        Which; "single" runs every IMU by itself.
-    parity, rigid
-        As for `navigate_array`.
-    truth : Trajectory or None
-        Of the origin of the body, at any stamps.
-    judged : (start, stop) or None
-        Time over which errors against the truth are taken, s; None: all of it.
-    outages : sequence of (start, seconds)
-        GNSS that is withheld from all, and then judges them.
-    lever_arm, heading, mounting, time_offset, tune_noise, turn_on_accel, turn_on_gyro, progress
-        As for `navigate_array`.
-
-    Returns
-    -------
-    MechanizationComparison
-        Results in the order asked for.
-
-    Raises
-    ------
-    InputError
-        As `navigate_array`; no mechanization.
-    """
+    """Run several mechanizations on one array and judge them alike."""
     if not mechanizations:
         raise InputError("no mechanization to compare", expected=", ".join(MECHANIZATIONS))
     for name in mechanizations:
@@ -280,19 +230,7 @@ def states_of(navigation: ArrayNavigation) -> int:
 
 
 def sensor_biases(navigation: ArrayNavigation) -> tuple[FloatArray, FloatArray]:
-    """Return the estimated bias of every sensor axis at the end of a run.
-
-    Parameters
-    ----------
-    navigation : ArrayNavigation
-        Any mechanization.
-
-    Returns
-    -------
-    tuple of (6 k,) ndarray
-        Sum of the bias states of each axis and its standard deviation (of independent states),
-        accelerometers of IMU 1 first; NaN where the filter does not know the sensor.
-    """
+    """Return the estimated bias of every sensor axis at the end of a run."""
     solution, array = navigation.solution, navigation.prepared.array
     value, square = np.full(6 * array.count, np.nan), np.full(6 * array.count, np.nan)
     own = solution.settings.get("imu_used")
@@ -315,22 +253,7 @@ def sensor_biases(navigation: ArrayNavigation) -> tuple[FloatArray, FloatArray]:
 def bias_correlation(
     prepared: PreparedArray, gnss: GnssRecording, *, parity: bool
 ) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the correlation of all states of the extended filter at the end. S002, Fig 17.
-
-    Parameters
-    ----------
-    prepared : PreparedArray
-        From `prepare_array`.
-    gnss : GnssRecording
-        Epochs to use.
-    parity : bool
-        With or without the parity update.
-
-    Returns
-    -------
-    tuple of names and (9 + m, 9 + m) ndarray
-        Navigation first, then the states of all sensors.
-    """
+    """Return the correlation of all states of the extended filter at the end. S002, Fig 17."""
     setup, initial, schedule = extended_run(prepared, gnss, parity=parity)
     run = run_engine(
         prepared.recording,
@@ -348,21 +271,7 @@ def bias_correlation(
 
 
 def trajectory_errors(solution: NavigationSolution, truth: Trajectory) -> FloatArray:
-    """Return the errors of a solution at the stamps of the truth.
-
-    Parameters
-    ----------
-    solution : NavigationSolution
-        For the same point and axes as the truth.
-    truth : Trajectory
-        At any stamps; those outside the solution are left out.
-
-    Returns
-    -------
-    (k, 9) ndarray
-        By `COMPONENTS`: metres and m/s north, east, down, and the rotation from the true axes of
-        the body to the computed ones about its own axes, rad.
-    """
+    """Return the errors of a solution at the stamps of the truth."""
     path = solution.trajectory
     inside = (truth.time >= path.time[0]) & (truth.time <= path.time[-1])
     if not inside.any():

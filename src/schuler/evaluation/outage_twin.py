@@ -105,26 +105,7 @@ def outage_twin(
     turn_on_accel: float = 0.0,
     turn_on_gyro: float = 0.0,
 ) -> OutageTwin:
-    """Prepare a twin.
-
-    Parameters
-    ----------
-    profile : Profile
-        True motion.
-    noise : NoiseModel
-        True errors of the sensor.
-    windows : sequence of (start, seconds)
-        Outages, seconds after the first fix, which is one second after the start.
-    rate : float
-        Samples a second.
-    turn_on_accel, turn_on_gyro : float
-        What the filters are told of the turn-on biases, m/s² and rad/s.
-
-    Returns
-    -------
-    OutageTwin
-        With a receiver of 1 m and 0.05 m/s, aligned to 0.5 deg and 1 deg.
-    """
+    """Prepare a twin."""
     return OutageTwin(
         profile=profile,
         ideal=ideal_imu(profile, rate),
@@ -136,20 +117,7 @@ def outage_twin(
 
 
 def draw(twin: OutageTwin, rng: np.random.Generator) -> TwinDraw:
-    """Draw the errors of sensor, receiver and alignment.
-
-    Parameters
-    ----------
-    twin : OutageTwin
-        The drive.
-    rng : numpy.random.Generator
-        Source of the draw.
-
-    Returns
-    -------
-    TwinDraw
-        One repetition.
-    """
+    """Draw the errors of sensor, receiver and alignment."""
     sensor, receiver, start = rng.spawn(3)
     gnss = simulate_gnss(
         twin.profile,
@@ -182,25 +150,7 @@ def run_outages(
     drawn: TwinDraw,
     tracks: list[dict[str, FloatArray]] | None = None,
 ) -> dict[str, tuple[OutageStatistics, float]]:
-    """Run every error model through the outages of one draw.
-
-    Parameters
-    ----------
-    twin : OutageTwin
-        The drive.
-    models : sequence of ErrorModel
-        With different names.
-    drawn : TwinDraw
-        The repetition.
-    tracks : list, optional
-        Filled with one entry a window, see `ErrorModelComparison`.
-
-    Returns
-    -------
-    dict of str to (OutageStatistics, float)
-        By model: errors against the truth with the claims of the filter, and NIS over its
-        degrees of freedom.
-    """
+    """Run every error model through the outages of one draw."""
     check_models(models)
     truth = twin.truth
     found: dict[str, tuple[OutageStatistics, float]] = {}

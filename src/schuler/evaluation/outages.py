@@ -98,13 +98,7 @@ class OutageWindow:
         return None if self.floor is None else float(self.floor[-1])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values.
-
-        Returns
-        -------
-        dict
-            All figures of the window, without its series.
-        """
+        """Return plain values."""
         return {
             "start_s": self.start_s,
             "duration_s": self.duration_s,
@@ -158,18 +152,7 @@ class OutageStatistics:
         return float(np.average([w.within_2_sigma for w in self.windows], weights=weights))
 
     def circular_error_m(self, share: float) -> float:
-        """Radius that holds a share of all horizontal errors (CEP for one half), m.
-
-        Parameters
-        ----------
-        share : float
-            Between 0 and 1.
-
-        Returns
-        -------
-        float
-            m.
-        """
+        """Radius that holds a share of all horizontal errors (CEP for one half), m."""
         return float(np.quantile(np.concatenate([w.horizontal_m for w in self.windows]), share))
 
     @property
@@ -184,12 +167,7 @@ class OutageStatistics:
 
     @property
     def claimed_over_real(self) -> float:
-        """Claimed over real horizontal error at all epochs, both root mean squares.
-
-        One for a filter that knows how wrong it is, below one for an overconfident one; of a
-        causal answer the ends of the windows count most. With n windows it scatters by about
-        1/(2 sqrt(n)).
-        """
+        """Claimed over real horizontal error at all epochs, both root mean squares."""
         claimed = np.concatenate([np.trace(w.covariance, axis1=1, axis2=2) for w in self.windows])
         real = self.rms_m
         return float(np.sqrt(claimed.mean())) / real if real > 0.0 else math.inf
@@ -201,13 +179,7 @@ class OutageStatistics:
         return float(np.sqrt(np.mean(np.square(floors)))) if floors else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values.
-
-        Returns
-        -------
-        dict
-            Overall figures and a list of windows.
-        """
+        """Return plain values."""
         return {
             "mean_of_max_m": self.mean_of_max_m,
             "median_of_max_m": self.median_of_max_m,
@@ -276,27 +248,7 @@ class OutageEvaluation:
 def sweep_windows(
     seconds: float, every: float, duration: float, settling: float = SETTLING
 ) -> tuple[Window, ...]:
-    """Lay out windows systematically over a run.
-
-    Parameters
-    ----------
-    seconds, every : float
-        Length of a window and distance between starts, s.
-    duration : float
-        Of the recording, s.
-    settling : float
-        Time before the first window, s.
-
-    Returns
-    -------
-    tuple of (start, seconds)
-        All windows that end at least 5 s before the end of the recording.
-
-    Raises
-    ------
-    InputError
-        Nothing fits.
-    """
+    """Lay out windows systematically over a run."""
     if not (seconds > 0.0 and every > 0.0):
         raise InputError(f"sweep of {seconds:g} s every {every:g} s", expected="positive numbers")
     starts = np.arange(settling, duration - seconds - 5.0 + 1e-6, every)
@@ -312,16 +264,6 @@ def deal_windows(windows: Sequence[Window]) -> tuple[tuple[Window, ...], ...]:
     """Deal windows into runs so that GNSS is back between two windows of a run.
 
     Between two windows of one run there is at least as much GNSS as the first took away.
-
-    Parameters
-    ----------
-    windows : sequence of (start, seconds)
-        Any order, overlapping or not.
-
-    Returns
-    -------
-    tuple of tuples of (start, seconds)
-        As few runs as that needs.
     """
     runs: list[list[Window]] = []
     for start, seconds in sorted(windows):
@@ -345,35 +287,7 @@ def judge_window(
     sd_factor: float,
     white_density: FloatArray | None = None,
 ) -> OutageWindow:
-    """Compare a solution with the GNSS positions of one window.
-
-    Parameters
-    ----------
-    solution : NavigationSolution
-        Found without the window.
-    gnss : GnssRecording
-        All epochs.
-    window : (start, seconds)
-        Seconds after the first epoch.
-    lever_arm : (3,) ndarray
-        Antenna from IMU, body frame, m.
-    time_offset : float
-        Of GNSS position, as for `TimeOffsets`.
-    sd_factor : float
-        On the receiver's standard deviations.
-    white_density : (6,) ndarray or None
-        Of the filter, accelerometers first, for the white-noise floor.
-
-    Returns
-    -------
-    OutageWindow
-        Errors and coverage.
-
-    Raises
-    ------
-    InputError
-        No withheld epoch falls inside the solution.
-    """
+    """Compare a solution with the GNSS positions of one window."""
     start, seconds = window
     since = gnss.time - gnss.time[0]
     path = solution.trajectory
@@ -554,20 +468,7 @@ def _prefixed(progress: Callable[[str], None], label: str) -> Callable[[str], No
 
 
 def check_windows(windows: Sequence[Window], gnss: GnssRecording) -> None:
-    """Refuse windows that reach outside a recording.
-
-    Parameters
-    ----------
-    windows : sequence of (start, seconds)
-        Seconds after the first epoch.
-    gnss : GnssRecording
-        The recording.
-
-    Raises
-    ------
-    InputError
-        A window outside, or of no length.
-    """
+    """Refuse windows that reach outside a recording."""
     for start, seconds in windows:
         if start < 0.0 or seconds <= 0.0 or start + seconds > gnss.duration:
             raise InputError(

@@ -70,23 +70,7 @@ class PairedStatistics:
 
 
 def paired_statistics(a: ArrayLike, b: ArrayLike) -> PairedStatistics:
-    """Compare two methods on the same cases.
-
-    Parameters
-    ----------
-    a, b : (n,) array_like
-        Errors, the same case at the same place.
-
-    Returns
-    -------
-    PairedStatistics
-        Difference, its standard error, tests, and both percentages.
-
-    Raises
-    ------
-    InputError
-        Not the same number of cases, none, or values that are not finite.
-    """
+    """Compare two methods on the same cases."""
     from scipy.stats import binomtest, wilcoxon
 
     one, two = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)

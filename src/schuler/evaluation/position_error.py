@@ -17,50 +17,12 @@ GRAVITY = 9.81
 
 
 def position_error_of_accel_bias(bias: float, time: float) -> float:
-    """Position error of a constant accelerometer error on a flat earth, b t²/2.
-
-    Parameters
-    ----------
-    bias : float
-        m/s².
-    time : float
-        Seconds since the start, not negative.
-
-    Returns
-    -------
-    float
-        Metres. Spec 8.3, position column of S003 table 1.
-
-    Raises
-    ------
-    InputError
-        Negative time.
-    """
+    """Position error of a constant accelerometer error on a flat earth, b t²/2."""
     return 0.5 * bias * _passed(time) ** 2
 
 
 def position_error_of_gyro_bias(bias: float, time: float, gravity: float = GRAVITY) -> float:
-    """Position error of a constant gyro error on a flat earth, g b t³/6.
-
-    Parameters
-    ----------
-    bias : float
-        rad/s.
-    time : float
-        Seconds since the start, not negative.
-    gravity : float
-        m/s².
-
-    Returns
-    -------
-    float
-        Metres. Spec 8.3, position column of S003 table 2.
-
-    Raises
-    ------
-    InputError
-        Negative time.
-    """
+    """Position error of a constant gyro error on a flat earth, g b t³/6."""
     return gravity * bias * _passed(time) ** 3 / 6.0
 
 
@@ -69,25 +31,6 @@ def schuler_factor(sensor: str, time: float, gravity: float = GRAVITY) -> float:
 
     For an accelerometer 2 (1 - cos x)/x², for a gyro 6 (x - sin x)/x³, with
     x = t sqrt(g/R). Titterton and Weston, 2nd ed., table 12.1.
-
-    Parameters
-    ----------
-    sensor : {"accel", "gyro"}
-        Which law.
-    time : float
-        Seconds since the start, not negative.
-    gravity : float
-        m/s².
-
-    Returns
-    -------
-    float
-        1 at the start; 0.125 (accelerometer) and 0.366 (gyro) after an hour.
-
-    Raises
-    ------
-    InputError
-        Negative time, another sensor.
     """
     x = _passed(time) * math.sqrt(gravity / SEMI_MAJOR_AXIS)
     if sensor not in ("accel", "gyro"):
@@ -100,27 +43,7 @@ def schuler_factor(sensor: str, time: float, gravity: float = GRAVITY) -> float:
 
 
 def position_sd_of_white_acceleration(sample_sd: float, interval: float, time: float) -> float:
-    """Standard deviation of position from white acceleration errors, sd sqrt(dt t³/3).
-
-    Parameters
-    ----------
-    sample_sd : float
-        Of one sample, m/s².
-    interval : float
-        Between samples, s.
-    time : float
-        Seconds since the start, not negative.
-
-    Returns
-    -------
-    float
-        Metres, on a flat earth. Spec 8.3: S003's 458 m become 0.62 m.
-
-    Raises
-    ------
-    InputError
-        Negative time or interval.
-    """
+    """Standard deviation of position from white acceleration errors, sd sqrt(dt t³/3)."""
     return sample_sd * math.sqrt(_passed(interval) * _passed(time) ** 3 / 3.0)
 
 

@@ -30,20 +30,7 @@ class InProcess(Executor):
     """The executor that does the work at once, where it is asked for."""
 
     def submit(self, fn: Callable[P, R], /, *arguments: P.args, **options: P.kwargs) -> Future[R]:
-        """Call the function now.
-
-        Parameters
-        ----------
-        fn : callable
-            What is to be done.
-        *arguments, **options
-            For it.
-
-        Returns
-        -------
-        Future
-            Already done.
-        """
+        """Call the function now."""
         future: Future[R] = Future()
         try:
             future.set_result(fn(*arguments, **options))
@@ -81,26 +68,7 @@ def one_thread() -> None:
 
 
 def workers(processes: int | None = None, scheduler: str | None = None) -> Workers:
-    """Return the workers that were asked for.
-
-    Parameters
-    ----------
-    processes : int, optional
-        Number of processes of this machine; 1 does the work in this process; by default one for
-        each core this process may use.
-    scheduler : str, optional
-        Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, instead.
-
-    Returns
-    -------
-    Workers
-        Not started yet.
-
-    Raises
-    ------
-    InputError
-        No process, both ways at once, or an address without the optional ``dask`` extra.
-    """
+    """Return the workers that were asked for."""
     if scheduler is not None:
         if processes is not None:
             raise InputError("processes and a scheduler together", expected="one of them")

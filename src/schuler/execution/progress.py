@@ -33,24 +33,12 @@ class Progress:
         self._task = task
 
     def share(self, done: float) -> None:
-        """Tell how much is done.
-
-        Parameters
-        ----------
-        done : float
-            0 to 1.
-        """
+        """Tell how much is done."""
         if self._display is not None and self._task is not None:
             self._display.update(self._task, completed=min(max(done, 0.0), 1.0), total=1.0)
 
     def say(self, text: str) -> None:
-        """Tell what is being done right now.
-
-        Parameters
-        ----------
-        text : str
-            A few words, shown behind the title.
-        """
+        """Tell what is being done right now."""
         if self._display is not None and self._task is not None:
             from rich.markup import escape
 
@@ -62,16 +50,6 @@ def progress(title: str) -> Iterator[Progress]:
     """Show that work is going on, on standard error, and only when that is a terminal.
 
     What appeared is wiped when the work ends.
-
-    Parameters
-    ----------
-    title : str
-        What is being done, in the user's words.
-
-    Yields
-    ------
-    Progress
-        Takes the share of the work that is done and what is being done.
     """
     if not sys.stderr.isatty():
         yield Progress(title)

@@ -43,31 +43,11 @@ class Kept:
             ) from None
 
     def load(self, key: str) -> Arrays | None:
-        """Return the result of a piece of work.
-
-        Parameters
-        ----------
-        key : str
-            Its name.
-
-        Returns
-        -------
-        dict of str to ndarray, or None
-            None where there is none, or where the file is damaged and the work has to be done
-            again.
-        """
+        """Return the result of a piece of work."""
         return read_arrays(self.folder / f"{key}.npz")
 
     def save(self, key: str, arrays: Mapping[str, NDArray[np.float64]]) -> None:
-        """Keep the result of a piece of work; the file appears only when it is complete.
-
-        Parameters
-        ----------
-        key : str
-            Its name.
-        arrays : mapping of str to ndarray
-            The result.
-        """
+        """Keep the result of a piece of work; the file appears only when it is complete."""
         import numpy as np
 
         from schuler.data.table import write_atomically
@@ -84,18 +64,7 @@ class Kept:
 
 
 def read_arrays(path: Path) -> Arrays | None:
-    """Return the arrays of a file.
-
-    Parameters
-    ----------
-    path : Path
-        NPZ file.
-
-    Returns
-    -------
-    dict of str to ndarray, or None
-        None where it is missing or damaged.
-    """
+    """Return the arrays of a file."""
     import numpy as np
 
     try:

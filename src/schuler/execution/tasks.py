@@ -47,27 +47,6 @@ def run_tasks(
     """Do all the work that has not been done before.
 
     When workers die, what they had in hand is given to others.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Keys must differ.
-    crew : Workers
-        Who does it.
-    kept : Kept, optional
-        Where results are kept, and found when they are there.
-    told : callable, optional
-        Called as ``told(key, done, of)`` whenever a piece is done.
-
-    Returns
-    -------
-    dict of str to dict of str to ndarray
-        Results by key, in the order of the tasks, each with its cost under `CPU_SECONDS`.
-
-    Raises
-    ------
-    InputError
-        Two tasks of one key, or workers that break down again and again.
     """
     if len({task.key for task in tasks}) != len(tasks):
         raise InputError("two pieces of work of one name")
@@ -116,20 +95,7 @@ def _spread(
 
 
 def timed(function: Callable[..., Arrays], arguments: tuple[Any, ...]) -> Arrays:
-    """Call a function and note what it cost.
-
-    Parameters
-    ----------
-    function : callable
-        Returns arrays by name.
-    arguments : tuple
-        For it.
-
-    Returns
-    -------
-    dict of str to ndarray
-        The result, with its CPU time under `CPU_SECONDS`.
-    """
+    """Call a function and note what it cost."""
     import numpy as np
 
     start = time.process_time()

@@ -44,23 +44,7 @@ class ParquetSource:
         return self.kinds[name] == "text"
 
     def load(self, names: Sequence[str]) -> Columns:
-        """Read columns as float64 (NaN: missing), moments as seconds of the Unix epoch.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Columns wanted.
-
-        Returns
-        -------
-        dict of str to (n,) ndarray
-            The columns; 32-bit floats stay 32-bit so that their resolution can be judged.
-
-        Raises
-        ------
-        InputError
-            The file is cut short or damaged, or a column holds no numbers.
-        """
+        """Read columns as float64 (NaN: missing), moments as seconds of the Unix epoch."""
         import polars
 
         other = [n for n in names if self.kinds[n] == "other"]
@@ -110,23 +94,7 @@ def _damaged(path: Path, error: Exception) -> InputError:
 
 
 def open_parquet(path: Path) -> ParquetSource:
-    """Open a Parquet file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    ParquetSource
-        Ready to load.
-
-    Raises
-    ------
-    InputError
-        The file is cut short or damaged.
-    """
+    """Open a Parquet file."""
     import polars
 
     try:
@@ -157,27 +125,7 @@ def _rate(text: Any) -> float | None:
 
 
 def open_npz(path: Path) -> MemorySource:
-    """Open a NumPy archive; objects in it are refused, never unpickled.
-
-    Arrays of three columns, such as ``gyro`` (n, 3), become ``gyro_x``, ``gyro_y``, ``gyro_z``;
-    a position of three columns becomes latitude, longitude, height; single numbers named ``rate``
-    or ``fs`` give the rate.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    MemorySource
-        Its columns.
-
-    Raises
-    ------
-    InputError
-        Damaged, or arrays of Python objects.
-    """
+    """Open a NumPy archive; objects in it are refused, never unpickled."""
     columns: Columns = {}
     rate = None
     try:

@@ -27,32 +27,7 @@ _HERTZ = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)\s*Hz\b")
 def time_axis(
     source: Source, chosen: Mapping[str, Column], columns: Columns, time_unit: str | None
 ) -> tuple[FloatArray, list[str]]:
-    """Return the time stamps of a file in seconds.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    chosen : mapping of str to Column
-        Its columns by role: time, perhaps the date of a time of day, perhaps the GPS week of
-        seconds of week, which then run on across the end of the week.
-    columns : dict of str to (n,) ndarray
-        What was loaded.
-    time_unit : str or None
-        Unit given by the user.
-
-    Returns
-    -------
-    time : (n,) ndarray
-        Seconds; NaN where the file has none.
-    history : list of str
-        What was done.
-
-    Raises
-    ------
-    InputError
-        Dates that are not understood, or 32-bit floats too coarse for the rate.
-    """
+    """Return the time stamps of a file in seconds."""
     column, week = chosen["time"], chosen.get("week")
     values = columns[column.name]
     if values.dtype.kind in "US" and values.size and _TIME_OF_DAY.fullmatch(values[0].strip()):
@@ -128,27 +103,7 @@ def _epoch_unit(values: Any) -> str:
 
 
 def shifted(time: FloatArray, offset: float) -> tuple[FloatArray, list[str]]:
-    """Return time moved by an offset that the user gave.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds.
-    offset : float
-        Seconds added.
-
-    Returns
-    -------
-    time : (n,) ndarray
-        The same array when the offset is zero.
-    history : list of str
-        What was done.
-
-    Raises
-    ------
-    InputError
-        The offset is not finite.
-    """
+    """Return time moved by an offset that the user gave."""
     if not np.isfinite(offset):
         raise InputError(f"time_offset is {offset}", expected="a finite number of seconds")
     return (time + offset, [f"{offset:+.6f} s added to time"]) if offset else (time, [])
@@ -159,27 +114,6 @@ def even_axis(source: Source, rows: int, rate: float | None) -> tuple[FloatArray
 
     The rate is the one given, or stated inside the file, or, at last, the one and only sampling
     rate that a README in the same folder states.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    rows : int
-        Number of samples.
-    rate : float or None
-        Rate given by the user, Hz.
-
-    Returns
-    -------
-    time : (n,) ndarray
-        Seconds: row / rate.
-    history : list of str
-        Where the rate came from.
-
-    Raises
-    ------
-    InputError
-        No rate can be found, or the README states several.
     """
     if rate is not None:
         if not (np.isfinite(rate) and rate > 0.0):
@@ -213,27 +147,7 @@ def _rate_beside(path: Path) -> tuple[float, str]:
 def check_steps(
     source: Source, column: Column, time: FloatArray, rows: Any, longest: float
 ) -> None:
-    """Raise when time does not run forward or cannot be seconds.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    column : Column
-        Its column of time.
-    time : (n,) ndarray
-        Seconds.
-    rows : (n,) ndarray of int
-        Row in the file of each sample.
-    longest : float
-        Longest believable step in s when no unit is named; infinite when one is.
-
-    Raises
-    ------
-    InputError
-        Time repeats or goes backwards, with its place; or the samples would be further
-        apart than is believable.
-    """
+    """Raise when time does not run forward or cannot be seconds."""
     step = np.diff(time)
     if step.size and step.min() <= 0.0:
         k = int(np.argmax(step <= 0.0))
@@ -256,23 +170,7 @@ def check_steps(
 
 
 def check_rate(source: Source, column: Column, time: FloatArray) -> None:
-    """Raise when the samples have no rate: their steps differ too much from each other.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    column : Column
-        Its column of time.
-    time : (n,) ndarray
-        Strictly increasing, s.
-
-    Raises
-    ------
-    InputError
-        The steps of the middle 80 % differ by more than a factor of ten, as those of stamps that a
-        computer gave to whole packets of samples do.
-    """
+    """Raise when the samples have no rate: their steps differ too much from each other."""
     short, middle, long = np.percentile(np.diff(time), [10.0, 50.0, 90.0])
     if long <= 10.0 * short:
         return

@@ -130,18 +130,7 @@ class Column:
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """Split the name of a column into the bare name and the unit.
-
-    Parameters
-    ----------
-    name : str
-        E.g. ``"gyro_x_rad_s"``, ``"Acc X [m/s^2]"``, ``"time(ms)"``, ``"latitude"``.
-
-    Returns
-    -------
-    tuple of str
-        Bare name and unit; the unit is empty when there is none.
-    """
+    """Split the name of a column into the bare name and the unit."""
     match = _NUMBERED.match(name)
     if match:
         stem, unit = split_unit(match["name"])
@@ -159,18 +148,7 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def bare(name: str) -> str:
-    """Return a name in lower case, letters and digits only.
-
-    Parameters
-    ----------
-    name : str
-        Any name.
-
-    Returns
-    -------
-    str
-        E.g. "gyrox" for "Gyro_X".
-    """
+    """Return a name in lower case, letters and digits only."""
     return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
@@ -188,22 +166,7 @@ def _part_of_name(parts: Sequence[str], count: int) -> bool:
 def find_columns(
     names: Sequence[str], roles: Mapping[str, str], stated_units: Mapping[str, str]
 ) -> dict[str, Column]:
-    """Find the columns that play a role.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names in the file.
-    roles : mapping of str to str
-        `IMU_ROLES` or `GNSS_ROLES`.
-    stated_units : mapping of str to str
-        Units that the file gives beside the names.
-
-    Returns
-    -------
-    dict of str to Column
-        By role. Of several columns for one role the first wins; for time the most usual name.
-    """
+    """Find the columns that play a role."""
     found: dict[str, Column] = {}
     ranks: dict[str, int] = {}
     for name in names:
@@ -229,37 +192,13 @@ def _short(text: str) -> str:
 
 
 def imu_numbers(names: Iterable[str]) -> tuple[int, ...]:
-    """Return the numbers of the IMUs that stand side by side as ``imuK_gyro_x`` and so on.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Names of columns.
-
-    Returns
-    -------
-    tuple of int
-        Sorted; empty when the file holds one IMU.
-    """
+    """Return the numbers of the IMUs that stand side by side as ``imuK_gyro_x`` and so on."""
     found = {int(m["imu"]) for m in map(_INDEXED.match, names) if m and m["rest"]}
     return tuple(sorted(found))
 
 
 def names_of_imu(names: Sequence[str], imu: int) -> dict[str, str]:
-    """Return the names that belong to one of several IMUs side by side.
-
-    Parameters
-    ----------
-    names : sequence of str
-        All names of the file.
-    imu : int
-        Number of the IMU.
-
-    Returns
-    -------
-    dict of str to str
-        Name without the number, to name in the file; columns without a number included.
-    """
+    """Return the names that belong to one of several IMUs side by side."""
     result = {}
     for name in names:
         match = _INDEXED.match(name)
@@ -271,24 +210,7 @@ def names_of_imu(names: Sequence[str], imu: int) -> dict[str, str]:
 
 
 def missing(wanted: str, names: Sequence[str], where: str, option: str = "columns") -> InputError:
-    """Return the error for a column that cannot be found.
-
-    Parameters
-    ----------
-    wanted : str
-        What is missing, in words.
-    names : sequence of str
-        What the file has.
-    where : str
-        The file.
-    option : str
-        Option that cures it.
-
-    Returns
-    -------
-    InputError
-        To be raised.
-    """
+    """Return the error for a column that cannot be found."""
     shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
     return InputError(
         f"no column for {wanted} among: {shown}",

@@ -29,23 +29,7 @@ _SUFFIXES: dict[str, tuple[str, bytes]] = {
 
 
 def detect_format(path: Path) -> Format:
-    """Find the format of a file.
-
-    Parameters
-    ----------
-    path : Path
-        A file, or the folder of a ROS 2 bag.
-
-    Returns
-    -------
-    {"text", "parquet", "npz", "pos", "bag"}
-        The format.
-
-    Raises
-    ------
-    InputError
-        No such file, empty, or its content is not what its name says.
-    """
+    """Find the format of a file."""
     if path.is_dir() and (path / "metadata.yaml").exists():
         return "bag"
     existing_file(path)
@@ -66,25 +50,7 @@ def detect_format(path: Path) -> Format:
 
 
 def file_in_folder(folder: Path, what: Literal["imu", "gnss"]) -> Path:
-    """Find the one recording of a kind in a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        A folder that holds, for example, imu.parquet and gnss.parquet.
-    what : {"imu", "gnss"}
-        Which kind.
-
-    Returns
-    -------
-    Path
-        The file (or the folder itself, when it is a ROS 2 bag).
-
-    Raises
-    ------
-    InputError
-        None, or more than one.
-    """
+    """Find the one recording of a kind in a folder."""
     if (folder / "metadata.yaml").exists():
         return folder
     words = ("imu",) if what == "imu" else ("gnss", "gps")

@@ -63,25 +63,7 @@ class _Table:
 
 
 def gnss_recording(source: Source, options: ReadOptions) -> GnssRecording:
-    """Build the recording of a receiver out of the columns of a file.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    options : ReadOptions
-        What the user said.
-
-    Returns
-    -------
-    GnssRecording
-        In SI units and radians.
-
-    Raises
-    ------
-    InputError
-        Missing columns, bad rows, no time: see `schuler.io.read_gnss`.
-    """
+    """Build the recording of a receiver out of the columns of a file."""
     chosen = choose_columns(source, source.names, GNSS_ROLES, options)
     _check_position(source, chosen, options)
     chosen = {

@@ -23,27 +23,7 @@ _LONGEST_STEP = 0.5  # s; slower than 2 Hz is no IMU but a unit that was not nam
 def imu_recordings(
     source: Source, options: ReadOptions, only_first: bool
 ) -> tuple[ImuRecording, ...]:
-    """Return every IMU of a file, or the one that the options name.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    options : ReadOptions
-        What the user said.
-    only_first : bool
-        Return one IMU: the first, unless the options name another.
-
-    Returns
-    -------
-    tuple of ImuRecording
-        In the order of their numbers.
-
-    Raises
-    ------
-    InputError
-        Missing columns, bad rows, no rate: see `schuler.io.read_imu`.
-    """
+    """Return every IMU of a file, or the one that the options name."""
     side_by_side = imu_numbers(source.names)
     if len(side_by_side) > 1:
         return tuple(
@@ -121,12 +101,7 @@ def _from_blocks(
 
 
 def _shared_clock(times: dict[int, Any]) -> dict[int, tuple[FloatArray, str]]:
-    """Correct repeated stamps of an IMU by those of the others on the same clock.
-
-    Where a stamp is a step too late and the next one repeats it, exactly one stamp of the other
-    IMUs lies in the gap before it: that is when the sample was taken. Nothing else is touched,
-    and no row is moved, added or left out.
-    """
+    """Correct repeated stamps of an IMU by those of the others on the same clock."""
     result = {}
     for number, stamps in times.items():
         time = np.array(stamps, dtype=np.float64)

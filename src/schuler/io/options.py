@@ -93,29 +93,7 @@ class ReadOptions:
 def choose_columns(
     source: Source, names: Sequence[str], roles: Mapping[str, str], options: ReadOptions
 ) -> dict[str, Column]:
-    """Find the columns by their names, then put what the user said over it.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    names : sequence of str
-        Names to look at.
-    roles : mapping of str to str
-        Roles and their patterns.
-    options : ReadOptions
-        With `columns`.
-
-    Returns
-    -------
-    dict of str to Column
-        By role.
-
-    Raises
-    ------
-    InputError
-        A role or a column that does not exist.
-    """
+    """Find the columns by their names, then put what the user said over it."""
     found = find_columns(names, roles, source.units)
     if not isinstance(options.columns, Mapping):
         return found
@@ -159,28 +137,6 @@ def _single(columns: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def unit_of(column: Column, given: str | None, kind: str, default: str) -> tuple[float, str, bool]:
-    """Return factor, unit, and whether it was only assumed.
-
-    Parameters
-    ----------
-    column : Column
-        The column, with the unit in its name.
-    given : str or None
-        Unit given by the user, which counts more.
-    kind : str
-        Kind of quantity, see `schuler.units.KINDS`.
-    default : str
-        Unit where nobody says.
-
-    Returns
-    -------
-    tuple of float, str, bool
-        Factor to SI, unit, assumed.
-
-    Raises
-    ------
-    UnitError
-        A unit of another kind.
-    """
+    """Return factor, unit, and whether it was only assumed."""
     unit = given or column.unit
     return units.scale(unit or default, kind), unit or default, not unit

@@ -88,23 +88,6 @@ def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:
 
     Several IMUs stand side by side in columns ``imuK_gyro_x_rad_s``, or below each other with a
     column ``imu`` that holds their number.
-
-    Parameters
-    ----------
-    path : str or Path
-        As in `read_imu`.
-    **how
-        As in `read_imu`.
-
-    Returns
-    -------
-    tuple of ImuRecording
-        In the order of their numbers; one for a file of a single IMU.
-
-    Raises
-    ------
-    InputError
-        As in `read_imu`.
     """
     options = _options(how, "imu")
     source, options = _open(Path(path), "imu", options)
@@ -168,31 +151,7 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
 def read_sensor(
     path: str | Path, kind: SensorKind, *, unit: str | None = None, repair: bool = False
 ) -> SensorSeries:
-    """Read what a heading sensor, barometer or magnetometer measured.
-
-    Parameters
-    ----------
-    path : str or Path
-        CSV or other text, Parquet, or NPZ, with names of columns.
-    kind : SensorKind
-        `HEADINGS`, `BAROMETERS` or `MAGNETOMETERS`.
-    unit : str, optional
-        Of the values and their deviations, in place of that in the names.
-    repair : bool
-        Leave out rows that lack a number.
-
-    Returns
-    -------
-    SensorSeries
-        In SI and radians.
-
-    Raises
-    ------
-    InputError
-        Anything wrong with the file: one line with file, place, what was expected, what to do.
-    UnitError
-        A unit that is not known or does not fit.
-    """
+    """Read what a heading sensor, barometer or magnetometer measured."""
     path = Path(path)
     form = detect_format(path)
     if form in ("bag", "pos"):

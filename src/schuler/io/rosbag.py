@@ -18,29 +18,7 @@ _IMU = ("angular_velocity", "linear_acceleration")
 
 
 def open_bag(path: Path, what: str, topic: str | None, clock: str = "header") -> MemorySource:
-    """Read one topic of a bag.
-
-    Parameters
-    ----------
-    path : Path
-        A ``.bag``, ``.db3`` or ``.mcap`` file, or the folder of a ROS 2 bag.
-    what : {"imu", "gnss"}
-        Which kind of message.
-    topic : str or None
-        Topic; None: the only one of that kind.
-    clock : {"header", "bag"}
-        Time stamp of the message's header, or of its recording.
-
-    Returns
-    -------
-    MemorySource
-        Columns in SI units, angles of positions in degrees as the messages hold them.
-
-    Raises
-    ------
-    InputError
-        `rosbags` is not installed, the bag is damaged, there is no such topic, or several.
-    """
+    """Read one topic of a bag."""
     if clock not in ("header", "bag"):
         raise InputError(f"clock is '{clock}'", expected="'header' or 'bag'")
     try:

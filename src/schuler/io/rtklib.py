@@ -25,24 +25,7 @@ _DEFAULT = ("latitude(deg)", "longitude(deg)", "height(m)", "Q", "ns", "sdn(m)",
 
 
 def open_pos(path: Path) -> MemorySource:
-    """Read an RTKLIB solution file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    MemorySource
-        Columns named after the header, with ``time`` in seconds of the GPS week of the first
-        epoch (not wrapped), so that it lies on the axis of IMUs stamped in seconds of week.
-
-    Raises
-    ------
-    InputError
-        No epochs, a line with too few fields, or text in a number: with the line.
-    """
+    """Read an RTKLIB solution file."""
     names, rows, numbers, scale_name = _lines(path)
     if not rows:
         raise InputError(
@@ -68,18 +51,7 @@ def open_pos(path: Path) -> MemorySource:
 
 
 def is_pos(lines: list[str]) -> bool:
-    """Tell whether the first lines of a text file are those of an RTKLIB solution.
-
-    Parameters
-    ----------
-    lines : list of str
-        First lines of the file.
-
-    Returns
-    -------
-    bool
-        True when a ``%`` line names Q and ns, or RTKLIB's program.
-    """
+    """Tell whether the first lines of a text file are those of an RTKLIB solution."""
     marked = [x for x in lines[:60] if x.startswith("%")]
     return any(re.search(r"\bQ\s+ns\b|RTKLIB|rnx2rtkp|RTKPOST|RTKNAVI", x) for x in marked)
 

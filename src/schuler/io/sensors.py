@@ -103,31 +103,7 @@ class SensorSeries:
 def sensor_series(
     source: Source, kind: SensorKind, *, unit: str | None = None, repair: bool = False
 ) -> SensorSeries:
-    """Build the series of a sensor out of the columns of a file.
-
-    Parameters
-    ----------
-    source : Source
-        The file.
-    kind : SensorKind
-        Of the sensor.
-    unit : str, optional
-        Of the values (and deviations) where the names do not tell.
-    repair : bool
-        Leave out rows that lack a number.
-
-    Returns
-    -------
-    SensorSeries
-        Rows in the order of the file.
-
-    Raises
-    ------
-    InputError
-        Missing columns, text, rows without a number, no unit, deviations that are not positive.
-    UnitError
-        A unit of another kind.
-    """
+    """Build the series of a sensor out of the columns of a file."""
     where = str(source.path)
     names = {name: _split(name, source.units.get(name, "")) for name in source.names}
     quantity = next((q for q in kind.quantities if _roles(kind, q, names)), None)

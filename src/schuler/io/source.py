@@ -132,23 +132,7 @@ class MemorySource:
 
 
 def existing_file(path: Path) -> Path:
-    """Return the path when it is a file that can be read and is not empty.
-
-    Parameters
-    ----------
-    path : Path
-        What the user named.
-
-    Returns
-    -------
-    Path
-        The same.
-
-    Raises
-    ------
-    InputError
-        No such file, a folder, an empty file, or no permission.
-    """
+    """Return the path when it is a file that can be read and is not empty."""
     if not path.exists():
         raise InputError("there is no such file", cure="check the name", where=str(path))
     if path.is_dir():

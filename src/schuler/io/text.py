@@ -60,23 +60,7 @@ class TextSource:
         return not is_number(field, self.layout.decimal_comma)
 
     def load(self, names: Sequence[str]) -> Columns:
-        """Read columns as float64 (NaN: missing), or as text where `is_text` says so.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Columns wanted.
-
-        Returns
-        -------
-        dict of str to (n,) ndarray
-            The columns.
-
-        Raises
-        ------
-        InputError
-            Text in a number, or too few or too many fields: with line and column.
-        """
+        """Read columns as float64 (NaN: missing), or as text where `is_text` says so."""
         frame = self._frame(names)
         if frame is None:
             raise self._fault(names)
@@ -229,26 +213,7 @@ def _all_null(frame: polars.DataFrame) -> polars.Expr:
 
 
 def open_text(path: Path, options: TextOptions) -> TextSource:
-    """Open a text file: find its layout and check that its end is not cut off.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    options : TextOptions
-        What the user said about its layout.
-
-    Returns
-    -------
-    TextSource
-        Ready to load.
-
-    Raises
-    ------
-    InputError
-        Not text, no numbers, or the file ends in the middle of a line (`options.repair` leaves
-        that line out).
-    """
+    """Open a text file: find its layout and check that its end is not cut off."""
     layout = find_layout(path, options)
     source = TextSource(path, layout)
     reason = _cut_off(path, layout)

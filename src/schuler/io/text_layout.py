@@ -59,20 +59,7 @@ class Layout:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """Split a line into fields without blanks and quotes around them.
-
-    Parameters
-    ----------
-    line : str
-        One line.
-    delimiter : str
-        As in `Layout`.
-
-    Returns
-    -------
-    list of str
-        Fields. One empty field after a delimiter at the end of the line is left out.
-    """
+    """Split a line into fields without blanks and quotes around them."""
     if delimiter == " ":
         return line.split()
     fields = [f.strip().strip('"').strip() for f in line.split(delimiter)]
@@ -82,45 +69,14 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(field: str, decimal_comma: bool) -> bool:
-    """Tell whether a field is a number or stands for a missing one.
-
-    Parameters
-    ----------
-    field : str
-        Text without blanks around it.
-    decimal_comma : bool
-        Whether the comma is the decimal sign.
-
-    Returns
-    -------
-    bool
-        True for a number, "nan", or nothing.
-    """
+    """Tell whether a field is a number or stands for a missing one."""
     if field.lower() in _MISSING:
         return True
     return bool(_NUMBER.match(field) or (decimal_comma and _COMMA_NUMBER.match(field)))
 
 
 def find_layout(path: Path, options: TextOptions) -> Layout:
-    """Find out how a text file is laid out.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    options : TextOptions
-        What the user said.
-
-    Returns
-    -------
-    Layout
-        Everything needed to read it.
-
-    Raises
-    ------
-    InputError
-        The file is not text, or holds no line of numbers.
-    """
+    """Find out how a text file is laid out."""
     lines = head(path)
     comment = options.comment or next(
         (c for c in _COMMENTS if any(x.startswith(c) for x in lines)), None
@@ -148,23 +104,7 @@ def find_layout(path: Path, options: TextOptions) -> Layout:
 
 
 def head(path: Path) -> list[str]:
-    """Return the first lines of a text file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    list of str
-        Whole lines of the first 256 KiB.
-
-    Raises
-    ------
-    InputError
-        The file is not text.
-    """
+    """Return the first lines of a text file."""
     with path.open("rb") as stream:
         data = stream.read(_HEAD_BYTES)
         more = bool(stream.read(1))

@@ -16,18 +16,7 @@ DIRECTIONS = ("north", "east", "down")
 
 
 def check_trajectory_name(path: str | Path) -> None:
-    """Raise when the ending of a file does not say which format is wanted.
-
-    Parameters
-    ----------
-    path : str or Path
-        File to write.
-
-    Raises
-    ------
-    InputError
-        The ending is neither .parquet nor .csv.
-    """
+    """Raise when the ending of a file does not say which format is wanted."""
     if Path(path).suffix.lower() not in FORMS:
         raise InputError(
             f"ending '{Path(path).suffix}' is not known",
@@ -37,19 +26,7 @@ def check_trajectory_name(path: str | Path) -> None:
 
 
 def trajectory_columns(solution: NavigationSolution) -> dict[str, NDArray[np.float64]]:
-    """Return a solution as named columns, in the units of their names.
-
-    Parameters
-    ----------
-    solution : NavigationSolution
-        The solution.
-
-    Returns
-    -------
-    dict of str to (n,) ndarray
-        Time in s, latitude and longitude in deg, height in m, velocity in m/s, roll, pitch and
-        heading in deg, and the standard deviation of each (position north, east, down in m).
-    """
+    """Return a solution as named columns, in the units of their names."""
     columns = truth_columns(solution.trajectory)
     position_sd = solution.position_sd
     for k, direction in enumerate(DIRECTIONS):
@@ -62,18 +39,7 @@ def trajectory_columns(solution: NavigationSolution) -> dict[str, NDArray[np.flo
 
 
 def truth_columns(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
-    """Return a trajectory without uncertainty as named columns, in the units of their names.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        A truth or reference.
-
-    Returns
-    -------
-    dict of str to (n,) ndarray
-        As `trajectory_columns`, without standard deviations.
-    """
+    """Return a trajectory without uncertainty as named columns, in the units of their names."""
     columns = {
         "time_s": trajectory.time,
         "latitude_deg": np.degrees(trajectory.position[:, 0]),
@@ -90,39 +56,14 @@ def truth_columns(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
 
 
 def write_trajectory(path: str | Path, solution: NavigationSolution, form: str = "") -> None:
-    """Write a solution as a table; the file appears only when it is complete.
-
-    Parameters
-    ----------
-    path : str or Path
-        File to write.
-    solution : NavigationSolution
-        The solution.
-    form : {"", ".parquet", ".csv"}
-        Format; by default that of the ending of the file.
-
-    Raises
-    ------
-    InputError
-        The format is not known, or the folder cannot be written.
-    """
+    """Write a solution as a table; the file appears only when it is complete."""
     write_columns(path, trajectory_columns(solution), form)
 
 
 def write_columns(
     path: str | Path, columns: dict[str, NDArray[np.float64]], form: str = ""
 ) -> None:
-    """Write named columns as Parquet or CSV.
-
-    Parameters
-    ----------
-    path : str or Path
-        File to write.
-    columns : dict of str to (n,) ndarray
-        In order.
-    form : {"", ".parquet", ".csv"}
-        Format; by default that of the ending of the file.
-    """
+    """Write named columns as Parquet or CSV."""
     from schuler.data.table import write_atomically, write_parquet
 
     if not form:
@@ -137,23 +78,7 @@ def write_columns(
 
 
 def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
-    """Read the columns of a trajectory that `write_trajectory` wrote as Parquet.
-
-    Parameters
-    ----------
-    path : str or Path
-        Parquet file.
-
-    Returns
-    -------
-    dict of str to (n,) ndarray
-        In the order of the file.
-
-    Raises
-    ------
-    InputError
-        The file is missing, is not Parquet, or is not a trajectory.
-    """
+    """Read the columns of a trajectory that `write_trajectory` wrote as Parquet."""
     import polars
 
     file = Path(path)

@@ -24,25 +24,7 @@ from schuler.types import FloatArray
 
 
 def withhold(gnss: GnssRecording, windows: Sequence[tuple[float, float]]) -> GnssRecording:
-    """Return the recording without the epochs of the given windows.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        All epochs.
-    windows : sequence of (start, seconds)
-        Start in seconds after the first epoch; an epoch at the very end of a window is kept.
-
-    Returns
-    -------
-    GnssRecording
-        What a receiver with these outages would have given.
-
-    Raises
-    ------
-    InputError
-        A window is negative, or nothing is left.
-    """
+    """Return the recording without the epochs of the given windows."""
     since = gnss.time - gnss.time[0]
     keep = np.ones(gnss.size, dtype=bool)
     for start, seconds in windows:

@@ -130,22 +130,6 @@ def describe_directions(
 
     First what cancels between sensors and is gone in the fused measurement, then whole states,
     then mixtures by their largest parts.
-
-    Parameters
-    ----------
-    directions : (s, r) ndarray
-        Orthonormal, in scaled states.
-    names : sequence of str
-        Of the states.
-    scale : (s,) ndarray
-        Of the states.
-    shown : (2, 3, s) ndarray
-        How they show in fused force and rate.
-
-    Returns
-    -------
-    list of str
-        Sentences.
     """
     told = []
     left = directions
@@ -240,26 +224,7 @@ def shown_states(model: SensorErrorModel) -> FloatArray:
 
 
 def system_matrix(model: SensorErrorModel, segment: Segment) -> FloatArray:
-    """Return F of the error state over a stretch of motion. Spec 7.2.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Sensor error states, in continuous time.
-    segment : Segment
-        Force and attitude.
-
-    Returns
-    -------
-    (9 + m, 9 + m) ndarray
-        dx/dt = F x, position and velocity in metres north, east, down. Transport rate and
-        Coriolis terms of the velocity are left out: they tell nothing within minutes.
-
-    Raises
-    ------
-    InputError
-        States that exist at one sample interval only.
-    """
+    """Return F of the error state over a stretch of motion. Spec 7.2."""
     if model.blocks:
         raise InputError(
             "observability of states that exist at one sample interval only",
@@ -399,30 +364,7 @@ def gramian(
     rows: ArrayLike | None = None,
     row_sd: float = 1.0,
 ) -> Gramian:
-    """Add up what every fix says of the state at the start. Process noise is left out.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Sensor error states of the filter.
-    segments : sequence of Segment
-        The motion, one after the other.
-    initial_covariance : (9 + m, 9 + m) ndarray
-        Prior; only its standard deviations are used.
-    position_sd : float
-        Of GNSS, m.
-    interval : float
-        Between fixes, s.
-    rows : (r, 9 + m) array_like or None
-        Further measurements with each fix.
-    row_sd : float
-        Their standard deviation.
-
-    Returns
-    -------
-    Gramian
-        Information in units of the prior.
-    """
+    """Add up what every fix says of the state at the start. Process noise is left out."""
     from scipy.linalg import expm
 
     size = 9 + model.size
@@ -449,17 +391,6 @@ def gramian(
 
 
 def covariance_decay(sd: FloatArray) -> FloatArray:
-    """Return by how much the filter's standard deviations fell since the start.
-
-    Parameters
-    ----------
-    sd : (k, s) ndarray
-        At nodes of a run, the first one at its start.
-
-    Returns
-    -------
-    (k, s) ndarray
-        Ratio to the start; one where nothing was learnt.
-    """
+    """Return by how much the filter's standard deviations fell since the start."""
     decay: FloatArray = sd / np.where(sd[0] > 0.0, sd[0], np.inf)
     return decay

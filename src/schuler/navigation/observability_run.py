@@ -58,13 +58,7 @@ class RunObservability:
     decay: FloatArray
 
     def sentences(self) -> tuple[str, ...]:
-        """Say in words what the run shows and what it does not.
-
-        Returns
-        -------
-        tuple of str
-            Sentences.
-        """
+        """Say in words what the run shows and what it does not."""
         names = self.matrix.names
         last = self.decay[-1]
         best = np.argsort(last)[:3]
@@ -83,13 +77,7 @@ class RunObservability:
         return tuple(told)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON.
-
-        Returns
-        -------
-        dict
-            Ranks, singular values, what is learnt by state, sentences.
-        """
+        """Return plain values for JSON."""
         return {
             "title": self.title,
             "states": len(self.matrix.names),
@@ -109,25 +97,7 @@ class RunObservability:
 
 
 def segments_of(trajectory: Trajectory, length: float = SEGMENT) -> tuple[Segment, ...]:
-    """Cut a run into stretches and take the mean force and the attitude of each.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Of the body.
-    length : float
-        Seconds.
-
-    Returns
-    -------
-    tuple of Segment
-        In the order of time.
-
-    Raises
-    ------
-    InputError
-        The run is shorter than one stretch.
-    """
+    """Cut a run into stretches and take the mean force and the attitude of each."""
     time = trajectory.time
     count = int((time[-1] - time[0]) / length)
     if count < 1:
@@ -151,20 +121,7 @@ def segments_of(trajectory: Trajectory, length: float = SEGMENT) -> tuple[Segmen
 def most_different(
     segments: tuple[Segment, ...], count: int = MOST_DIFFERENT
 ) -> tuple[Segment, ...]:
-    """Choose the stretches that differ most in force and attitude, in the order of time.
-
-    Parameters
-    ----------
-    segments : tuple of Segment
-        Of a run.
-    count : int
-        How many at most.
-
-    Returns
-    -------
-    tuple of Segment
-        The first one, then always the one farthest from those chosen.
-    """
+    """Choose the stretches that differ most in force and attitude, in the order of time."""
     feature = np.array([np.concatenate([s.force / 9.8, s.rotation.ravel()]) for s in segments])
     chosen = [0]
     while len(chosen) < min(count, len(segments)):
@@ -184,28 +141,7 @@ def observe(
     parity: FloatArray | None = None,
     segments: tuple[Segment, ...] | None = None,
 ) -> RunObservability:
-    """Filter a run and analyse what it shows of the state.
-
-    Parameters
-    ----------
-    title : str
-        Which filter, for people.
-    imu : ImuRecording
-        From `prepare`.
-    gnss : GnssRecording
-        Epochs to use.
-    setup : RunSetup
-        From `prepare`.
-    parity : (r, 9 + m) ndarray or None
-        Rows of a parity update, whitened for one second.
-    segments : tuple of Segment or None
-        Stretches to analyse; None: from the filtered trajectory.
-
-    Returns
-    -------
-    RunObservability
-        Ranks, information and decay.
-    """
+    """Filter a run and analyse what it shows of the state."""
     initial = setup.initial_state(imu, gnss)
     run = run_engine(
         imu,
@@ -254,20 +190,7 @@ def observe(
 
 
 def observe_array(prepared: PreparedArray, gnss: GnssRecording) -> tuple[RunObservability, ...]:
-    """Analyse the synthetic and the extended filter of an array, without and with parity.
-
-    Parameters
-    ----------
-    prepared : PreparedArray
-        From `prepare_array`.
-    gnss : GnssRecording
-        Epochs to use.
-
-    Returns
-    -------
-    tuple of RunObservability
-        Three.
-    """
+    """Analyse the synthetic and the extended filter of an array, without and with parity."""
     setup = prepared.setup
     start, fused_only = (prepared.sensor_start(each=e) for e in (True, False))
     fused, merge = fused_model(prepared.models, prepared.fusion)
@@ -299,18 +222,7 @@ def observe_array(prepared: PreparedArray, gnss: GnssRecording) -> tuple[RunObse
 
 
 def observed_states(result: RunObservability) -> list[tuple[str, float, float]]:
-    """Return name, unseen share and final share of the initial sd of every state.
-
-    Parameters
-    ----------
-    result : RunObservability
-        Of a run.
-
-    Returns
-    -------
-    list of (str, float, float)
-        In the order of the state.
-    """
+    """Return name, unseen share and final share of the initial sd of every state."""
     return list(
         zip(
             result.matrix.names,

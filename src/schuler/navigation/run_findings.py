@@ -19,19 +19,7 @@ DISHONEST = 3.0
 
 
 def findings_of_run(innovations: Innovations) -> tuple[Finding, ...]:
-    """Say which measurements were refused, and whether the filter is honest.
-
-    Parameters
-    ----------
-    innovations : Innovations
-        Of a run.
-
-    Returns
-    -------
-    tuple of Finding
-        One at most for each kind of GNSS measurement, and one on the whole; an error where the
-        solution is not to be believed.
-    """
+    """Say which measurements were refused, and whether the filter is honest."""
     kinds = [k for k in innovations.kinds if k.startswith("GNSS")]
     found = [f for k in kinds for f in _refusals(innovations.of_kind(k), k)]
     gnss = innovations.gnss

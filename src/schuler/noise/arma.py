@@ -20,54 +20,19 @@ _UNIT_ROOT = 1e-12
 
 
 def poles_of(phi: Sequence[float] | FloatArray) -> NDArray[np.complex128]:
-    """Poles of 1/(1 - phi_1 z^-1 - ... - phi_p z^-p), slowest first.
-
-    Parameters
-    ----------
-    phi : (p,) sequence of float
-        Autoregressive coefficients.
-
-    Returns
-    -------
-    (p,) ndarray of complex
-        Stationary if all moduli are below 1.
-    """
+    """Poles of 1/(1 - phi_1 z^-1 - ... - phi_p z^-p), slowest first."""
     roots = np.roots(np.concatenate([[1.0], -np.asarray(phi, dtype=np.float64)]))
     # roots at the origin are dropped by nothing: trailing zeros of phi are poles at 0
     return np.asarray(roots[np.argsort(-np.abs(roots), kind="stable")], dtype=np.complex128)
 
 
 def zeros_of(theta: Sequence[float] | FloatArray) -> NDArray[np.complex128]:
-    """Zeros of 1 + theta_1 z^-1 + ... + theta_q z^-q, slowest first.
-
-    Parameters
-    ----------
-    theta : (q,) sequence of float
-        Moving-average coefficients.
-
-    Returns
-    -------
-    (q,) ndarray of complex
-        Invertible if all moduli are below 1.
-    """
+    """Zeros of 1 + theta_1 z^-1 + ... + theta_q z^-q, slowest first."""
     return poles_of(-np.asarray(theta, dtype=np.float64))
 
 
 def harvey_form(phi: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Coefficients padded to s = max(p, q + 1) states: phi and (1, theta).
-
-    Parameters
-    ----------
-    phi : (p,) ndarray
-        Autoregressive coefficients.
-    theta : (q,) ndarray
-        Moving-average coefficients.
-
-    Returns
-    -------
-    tuple of (s,) ndarray
-        First column of the transition and noise gain of Harvey's state space.
-    """
+    """Coefficients padded to s = max(p, q + 1) states: phi and (1, theta)."""
     s = max(phi.size, theta.size + 1)
     padded, gain = np.zeros(s), np.zeros(s)
     padded[: phi.size] = phi
@@ -77,18 +42,7 @@ def harvey_form(phi: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def stationary_covariance(padded: FloatArray, gain: FloatArray) -> FloatArray:
-    """Covariance P = T P T' + R R' of Harvey's states for unit driving noise.
-
-    Parameters
-    ----------
-    padded, gain : (s,) ndarray
-        As from `harvey_form`; the process must be stationary.
-
-    Returns
-    -------
-    (s, s) ndarray
-        Symmetric.
-    """
+    """Covariance P = T P T' + R R' of Harvey's states for unit driving noise."""
     s = padded.size
     transition = np.zeros((s, s))
     transition[:, 0] = padded

@@ -26,31 +26,7 @@ _SAME_POLE = 1e-9
 
 
 def arma_to_gauss_markov_sum(arma: ARMA) -> ProcessSum:
-    """Write an ARMA process as white noise + Gauss-Markov noises, where that is possible.
-
-    Parameters
-    ----------
-    arma : ARMA
-        With q <= p, distinct real positive poles, zeros inside the unit circle or not.
-
-    Returns
-    -------
-    ProcessSum
-        White noise first (left out where its variance is zero), then the Gauss-Markov noises,
-        slowest first. It has the same autocovariance at every multiple of the interval.
-
-    Raises
-    ------
-    ModelError
-        No such sum exists: a pole is complex, negative or double, a component would have a
-        negative variance, or q > p. The offender is named.
-
-    Notes
-    -----
-    Spec 5.1. With S(z) = s² theta(z) theta(1/z) / (phi(z) phi(1/z)), the Gauss-Markov noise of
-    pole r has the variance s² theta(r) theta(1/r) / (prod_(j != i) (1 - r_j/r) prod_j (1 - r_j r))
-    and white noise takes what is left at lag zero, -s² theta_p/phi_p.
-    """
+    """Write an ARMA process as white noise + Gauss-Markov noises, where that is possible."""
     dt = arma.interval
     phi, theta = _trimmed(arma.phi), _trimmed(arma.theta)
     if theta.size > phi.size:
@@ -121,18 +97,7 @@ def _real_poles(arma: ARMA) -> FloatArray:
 
 
 def poles_refined(arma: ARMA) -> NDArray[np.complex128]:
-    """Poles other than zero, each improved by Newton steps on the polynomial.
-
-    Parameters
-    ----------
-    arma : ARMA
-        Any.
-
-    Returns
-    -------
-    ndarray of complex
-        In the z plane.
-    """
+    """Poles other than zero, each improved by Newton steps on the polynomial."""
     polynomial = np.concatenate([[1.0], -_trimmed(arma.phi)])
     slope = np.polyder(polynomial)
     roots = np.roots(polynomial).astype(np.complex128)
@@ -144,32 +109,7 @@ def poles_refined(arma: ARMA) -> NDArray[np.complex128]:
 
 
 def gauss_markov_sum_to_arma(process: Process, dt: float) -> ARMA:
-    """Write white noise + Gauss-Markov noises, sampled every `dt` seconds, as one ARMA process.
-
-    Parameters
-    ----------
-    process : Process
-        White noise, Gauss-Markov noises and bias instability, alone or in a sum.
-    dt : float
-        Sample interval in s.
-
-    Returns
-    -------
-    ARMA
-        Of order (k, k) with white noise, (k, k - 1) without, k being the number of different
-        correlation times; invertible.
-
-    Raises
-    ------
-    ModelError
-        Another kind of process (a random walk is not stationary), or nothing that varies.
-
-    Notes
-    -----
-    Spec 5.1. In a = -(1 - z)(1 - 1/z) the spectrum is w + sum c_i (1 - r_i²)/((1 - r_i)² - r_i a);
-    it rises between its poles, so that exactly one zero lies between each two and, with white
-    noise, one beyond the last. They are bracketed, never expanded into a polynomial.
-    """
+    """Write white noise + Gauss-Markov noises, sampled every `dt` seconds, as one ARMA process."""
     white, parts = _collect(process, positive(dt, "dt"))
     if not parts and white == 0.0:
         raise ModelError("a process of variance zero", expected="something that varies")

@@ -13,22 +13,7 @@ from schuler.types import FloatArray
 
 
 def variogram(process: Process, lag: ArrayLike, dt: float) -> FloatArray:
-    """Half the mean squared difference of samples a lag apart.
-
-    Parameters
-    ----------
-    process : Process
-        In u.
-    lag : (k,) array_like of int
-        In samples, not negative.
-    dt : float
-        Sample interval in s.
-
-    Returns
-    -------
-    (k,) ndarray
-        In u²; exists for walks and ramps, which have no autocovariance.
-    """
+    """Half the mean squared difference of samples a lag apart."""
     steps = np.asarray(lag, dtype=np.float64)
     total = np.zeros(steps.shape)
     for part in process.components:
@@ -56,29 +41,7 @@ def _part(part: Process, steps: FloatArray, dt: float) -> FloatArray:
 def expected_autocovariance(
     process: Process, samples: int, dt: float, lag: ArrayLike
 ) -> FloatArray:
-    """Mean of the biased autocovariance of a record whose mean was removed.
-
-    Parameters
-    ----------
-    process : Process
-        In u.
-    samples : int
-        Length n of the record.
-    dt : float
-        Sample interval in s.
-    lag : (k,) array_like of int
-        In samples, 0 .. n-1.
-
-    Returns
-    -------
-    (k,) ndarray
-        In u², exact; the loss by removing the mean is part of it.
-
-    Notes
-    -----
-    With the variogram G, the covariance of centred samples i and j is g_i + g_j - g - G(i-j),
-    g_i being the mean of G(i - m) over the record and g the mean of g_i.
-    """
+    """Mean of the biased autocovariance of a record whose mean was removed."""
     shape = variogram(process, np.arange(samples), dt)
     running = np.cumsum(shape)
     index = np.arange(samples)

@@ -32,16 +32,6 @@ def gauss_markov_allan_shape(x: ArrayLike) -> FloatArray:
 
     (2/x) [1 - (3 - 4 exp(-x) + exp(-2x))/(2x)], by its series below x = 0.1 where the bracket
     cancels (spec 2.3).
-
-    Parameters
-    ----------
-    x : array_like
-        Ratio of cluster time to correlation time, above zero.
-
-    Returns
-    -------
-    ndarray
-        Variance in units of sigma².
     """
     ratio = np.asarray(x, dtype=np.float64)
     rise = -np.expm1(-ratio)

@@ -17,22 +17,6 @@ def kolmogorov_szego(process: Process, dt: float) -> float:
 
     The integral runs over f = exp(-y)/2 in panels of y, so that time constants from one sample
     to days are resolved alike, and the logarithmic poles of walks at f = 0 do no harm.
-
-    Parameters
-    ----------
-    process : Process
-        Anything with a `sampled_psd`; lines in its spectrum can be foreseen and do not count.
-    dt : float
-        Sample interval in s.
-
-    Returns
-    -------
-    float
-        Variance in u²; zero if nothing drives the process.
-
-    Notes
-    -----
-    Spec 3, "prediction floor" (Kolmogorov-Szego).
     """
     positive(dt, "dt")
     width = 0.5

@@ -12,22 +12,7 @@ from schuler.types import FloatArray
 
 
 def step_up(reflection: FloatArray) -> FloatArray:
-    """Polynomials of all orders from reflection coefficients.
-
-    Parameters
-    ----------
-    reflection : (p,) ndarray
-        gamma_1 .. gamma_p.
-
-    Returns
-    -------
-    (p, p) ndarray
-        Row k - 1 holds a_1 .. a_k of order k, then zeros.
-
-    Notes
-    -----
-    a_{i,k} = a_{i,k-1} + gamma_k a_{k-i,k-1}, a_{k,k} = gamma_k: S003 (9d), (9e).
-    """
+    """Polynomials of all orders from reflection coefficients."""
     size = reflection.size
     rows = np.zeros((size, size))
     for k in range(size):
@@ -39,19 +24,7 @@ def step_up(reflection: FloatArray) -> FloatArray:
 
 
 def step_down(coefficients: FloatArray) -> FloatArray:
-    """Reflection coefficients of a polynomial.
-
-    Parameters
-    ----------
-    coefficients : (p,) ndarray
-        a_1 .. a_p.
-
-    Returns
-    -------
-    (p,) ndarray
-        All magnitudes are below one if and only if all poles are inside the unit circle. A
-        magnitude of exactly one, where the recursion has no next step, is moved by one rounding.
-    """
+    """Reflection coefficients of a polynomial."""
     row = np.array(coefficients, dtype=np.float64)
     reflection = np.empty(row.size)
     for k in range(row.size - 1, -1, -1):
@@ -64,24 +37,7 @@ def step_down(coefficients: FloatArray) -> FloatArray:
 
 
 def levinson(autocovariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Reflection coefficients and error variances from an autocovariance.
-
-    Parameters
-    ----------
-    autocovariance : (p + 1,) ndarray
-        R(0) .. R(p), positive semidefinite (the biased estimate always is).
-
-    Returns
-    -------
-    reflection : (k,) ndarray
-        gamma_1 .. gamma_k; k < p where the error vanished before order p.
-    error : (k + 1,) ndarray
-        E_0 .. E_k, mean squared one-step errors; E_0 = R(0).
-
-    Notes
-    -----
-    S003 (9b)-(9g), spec 3. No other numbers than these are needed: O(p²).
-    """
+    """Reflection coefficients and error variances from an autocovariance."""
     reflection: list[float] = []
     error = [float(autocovariance[0])]
     row = np.zeros(0)
@@ -100,22 +56,7 @@ def levinson(autocovariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 def autocovariance_from_reflection(
     reflection: FloatArray, innovation_variance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Autocovariance of a stable autoregressive process: Levinson's recursion backwards.
-
-    Parameters
-    ----------
-    reflection : (p,) ndarray
-        Magnitudes below one.
-    innovation_variance : float
-        E_p.
-
-    Returns
-    -------
-    autocovariance : (p + 1,) ndarray
-        R(0) .. R(p).
-    error : (p + 1,) ndarray
-        E_0 = R(0) .. E_p, prediction error variances from 0 .. p samples.
-    """
+    """Autocovariance of a stable autoregressive process: Levinson's recursion backwards."""
     shrink = (1.0 - reflection) * (1.0 + reflection)
     error = innovation_variance / np.append(np.cumprod(shrink[::-1])[::-1], 1.0)
     rows = step_up(reflection)

@@ -84,39 +84,13 @@ _PLUS_MINUS = re.compile(r"^\s*(?P<value>\S+)\s*(?:\+-|\+/-|±)\s*(?P<error>\S+)
 
 
 def parameter_kind(channel: str, key: str) -> str | None:
-    """Return the kind of unit of a parameter, None for a plain count.
-
-    Parameters
-    ----------
-    channel : str
-        Decides between gyro and accelerometer.
-    key : str
-        Such as "gauss_markov.sigma" or "gauss_markov_2.sigma".
-
-    Returns
-    -------
-    str or None
-        A name for `schuler.units`.
-    """
+    """Return the kind of unit of a parameter, None for a plain count."""
     found = _KINDS.get(re.sub(r"_\d+\.", ".", key))
     return None if found is None else found.format(channel.split("_")[0])
 
 
 def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> str:
-    """Write a noise model as YAML.
-
-    Parameters
-    ----------
-    model : NoiseModel
-        What to write.
-    units : {"datasheet", "si"}
-        In which units.
-
-    Returns
-    -------
-    str
-        YAML with comments; `load_noise_model` reads it back to 1e-8 of every value.
-    """
+    """Write a noise model as YAML."""
     import yaml
 
     def quoted(text: str) -> str:
@@ -176,25 +150,7 @@ def _text(channel: str, key: str, value: float, errors: Mapping[str, float], uni
 
 
 def load_noise_model(path: str | Path) -> NoiseModel:
-    """Read a noise model from YAML.
-
-    Parameters
-    ----------
-    path : str or Path
-        File.
-
-    Returns
-    -------
-    NoiseModel
-        In SI.
-
-    Raises
-    ------
-    InputError
-        No such file, no YAML, missing or unknown keys, impossible values: with file and key.
-    UnitError
-        A wrong unit, with file and key.
-    """
+    """Read a noise model from YAML."""
     where = str(path)
     content = _mapping(_parse_yaml(path), where)
     _only(content, {"source", "rate", "channels", "excluded"}, where)

@@ -26,21 +26,7 @@ def _block_diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
 
 
 def stack_state_spaces(dt: float, parts: Sequence[StateSpace]) -> StateSpace:
-    """Put independent state spaces of one step side by side.
-
-    Parameters
-    ----------
-    dt : float
-        Their common step in s.
-    parts : sequence of StateSpace
-        In order of the states.
-
-    Returns
-    -------
-    StateSpace
-        Block-diagonal; the white densities add in squares. `drift` and `diffusion` are None as
-        soon as one part exists only in discrete time.
-    """
+    """Put independent state spaces of one step side by side."""
     drifts = [p.drift for p in parts if p.drift is not None]
     diffusions = [p.diffusion for p in parts if p.diffusion is not None]
     continuous = len(drifts) == len(diffusions) == len(parts)

@@ -23,18 +23,7 @@ MAX_POINTS = 1000
 
 
 def encode(values: ArrayLike) -> dict[str, str]:
-    """Return numbers in the typed form of plotly.js.
-
-    Parameters
-    ----------
-    values : array_like
-        Numbers; NaN is a gap.
-
-    Returns
-    -------
-    dict
-        32-bit floats in base64.
-    """
+    """Return numbers in the typed form of plotly.js."""
     array = np.ascontiguousarray(values, dtype="<f4")
     return {"dtype": "f4", "bdata": base64.b64encode(array.tobytes()).decode("ascii")}
 
@@ -44,18 +33,6 @@ def thin(x: FloatArray, y: FloatArray, points: int = MAX_POINTS) -> NDArray[np.i
 
     Each of points/2 equal stretches keeps its smallest and its largest value; the first and the
     last sample and the gaps (NaN) stay.
-
-    Parameters
-    ----------
-    x, y : (n,) ndarray
-        The line; `x` increases.
-    points : int
-        About how many to keep.
-
-    Returns
-    -------
-    (k,) ndarray of int
-        Increasing indices; all of them when n is not above `points`.
     """
     n = y.size
     if n <= points:
@@ -79,28 +56,7 @@ def line(
     dash: Dash = "solid",
     points: int = MAX_POINTS,
 ) -> dict[str, Any]:
-    """Return a line, thinned when it is long.
-
-    Parameters
-    ----------
-    x, y : (n,) array_like
-        The line.
-    colour : str
-        Name in the palette.
-    name : str
-        Shown beside the pointer.
-    width : float
-        Pixels.
-    dash : {"solid", "dot", "dash", "dashdot"}
-        Style.
-    points : int
-        About how many points to keep.
-
-    Returns
-    -------
-    dict
-        A trace.
-    """
+    """Return a line, thinned when it is long."""
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     keep = thin(x, y, points)
     return {
@@ -124,28 +80,7 @@ def marks(
     symbol: str = "circle",
     text: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Return points.
-
-    Parameters
-    ----------
-    x, y : (n,) array_like
-        Places.
-    colour : str
-        Name in the palette.
-    name : str
-        Shown beside the pointer.
-    size : float
-        Pixels.
-    symbol : str
-        A symbol of plotly.js.
-    text : tuple of str
-        One text for each point, shown beside the pointer.
-
-    Returns
-    -------
-    dict
-        A trace.
-    """
+    """Return points."""
     trace: dict[str, Any] = {
         "type": "scatter",
         "mode": "markers",
@@ -175,24 +110,7 @@ def band(
     *,
     points: int = MAX_POINTS // 2,
 ) -> list[dict[str, Any]]:
-    """Return the area between two lines.
-
-    Parameters
-    ----------
-    x, lower, upper : (n,) array_like
-        The two lines.
-    colour : str
-        Name in the palette, with opacity.
-    name : str
-        What it is.
-    points : int
-        About how many points to keep on each side.
-
-    Returns
-    -------
-    list of dict
-        Two traces.
-    """
+    """Return the area between two lines."""
     x = np.asarray(x, dtype=np.float64)
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     keep = np.union1d(thin(x, low, points), thin(x, high, points))
@@ -213,24 +131,7 @@ def band(
 def envelope(
     x: FloatArray, y: FloatArray, colour: str, name: str, stretches: int = 500
 ) -> list[dict[str, Any]]:
-    """Return a noisy line as the area between the extremes of many stretches.
-
-    Parameters
-    ----------
-    x, y : (n,) ndarray
-        The line; `x` increases.
-    colour : str
-        Name in the palette.
-    name : str
-        What it is.
-    stretches : int
-        How many; a line with fewer than four samples in each is drawn as a line.
-
-    Returns
-    -------
-    list of dict
-        Two traces with the area between them, or one line.
-    """
+    """Return a noisy line as the area between the extremes of many stretches."""
     if y.size < 4 * stretches:
         return [line(x, y, colour, name, width=0.8)]
     starts = np.linspace(0, y.size, stretches, endpoint=False).astype(np.int64)
@@ -250,24 +151,7 @@ def axis(
     limits: tuple[float, float] | None = None,
     equal_to: str = "",
 ) -> dict[str, Any]:
-    """Return an axis.
-
-    Parameters
-    ----------
-    title : str
-        Quantity and unit.
-    log : bool
-        Logarithmic.
-    limits : (float, float), optional
-        Both ends, in the quantity itself also for a logarithmic axis.
-    equal_to : str
-        Name of the axis with the same scale (maps).
-
-    Returns
-    -------
-    dict
-        An axis of a layout.
-    """
+    """Return an axis."""
     result: dict[str, Any] = {"title": {"text": plain(title)}}
     if log:
         result |= {"type": "log", "dtick": 1, "exponentformat": "power", "showexponent": "all"}
@@ -287,20 +171,7 @@ def axis(
 def shaded(
     spans: tuple[tuple[float, float], ...], colour: str = "@outage/0.14"
 ) -> list[dict[str, Any]]:
-    """Return vertical stripes behind a plot over time.
-
-    Parameters
-    ----------
-    spans : tuple of (float, float)
-        Start and end of each stripe on the x axis.
-    colour : str
-        Name in the palette, with opacity.
-
-    Returns
-    -------
-    list of dict
-        Shapes of a layout.
-    """
+    """Return vertical stripes behind a plot over time."""
     return [
         {
             "type": "rect",
@@ -319,22 +190,7 @@ def shaded(
 
 
 def limits(*arrays: ArrayLike, log: bool = False, margin: float = 0.06) -> tuple[float, float]:
-    """Return limits that hold all finite numbers of several arrays, with a margin.
-
-    Parameters
-    ----------
-    *arrays : array_like
-        Numbers; those that are not finite (or not positive, for `log`) do not count.
-    log : bool
-        The axis is logarithmic.
-    margin : float
-        Share of the span left free on both sides.
-
-    Returns
-    -------
-    (float, float)
-        Both ends.
-    """
+    """Return limits that hold all finite numbers of several arrays, with a margin."""
     values = np.concatenate([np.ravel(np.asarray(a, dtype=np.float64)) for a in arrays])
     values = values[np.isfinite(values) & ((values > 0) | (not log))]
     if values.size == 0:
@@ -352,20 +208,7 @@ def limits(*arrays: ArrayLike, log: bool = False, margin: float = 0.06) -> tuple
 
 
 def broken_at_gaps(time: FloatArray, *columns: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the series with a gap wherever it pauses, so that no line bridges the pause.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Increasing.
-    *columns : (n,) ndarray
-        Series over it.
-
-    Returns
-    -------
-    tuple of ndarray
-        Time and columns, longer by one NaN for each pause of more than five usual steps.
-    """
+    """Return the series with a gap wherever it pauses, so that no line bridges the pause."""
     step = np.diff(time)
     if step.size == 0:
         return (time, *columns)
@@ -378,16 +221,5 @@ def broken_at_gaps(time: FloatArray, *columns: FloatArray) -> tuple[FloatArray, 
 
 
 def plain(text: str) -> str:
-    """Return text that plotly.js shows as it is (it understands a few HTML tags).
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-
-    Returns
-    -------
-    str
-        The text with its markup characters as entities.
-    """
+    """Return text that plotly.js shows as it is (it understands a few HTML tags)."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

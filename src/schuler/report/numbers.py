@@ -9,20 +9,7 @@ MISSING = "–"
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number with a few significant digits.
-
-    Parameters
-    ----------
-    value : float
-        Any number; one that is not finite becomes a dash.
-    digits : int
-        Significant digits.
-
-    Returns
-    -------
-    str
-        E.g. ``"0.241"`` or ``"6.98·10⁻⁵"``.
-    """
+    """Return a number with a few significant digits."""
     if not math.isfinite(value):
         return MISSING
     if value == 0.0:
@@ -36,20 +23,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def with_error(value: float, error: float) -> str:
-    """Return a number with its standard error, both to the second digit of the error.
-
-    Parameters
-    ----------
-    value : float
-        The estimate.
-    error : float
-        Its standard error; not finite or zero: unknown.
-
-    Returns
-    -------
-    str
-        E.g. ``"0.2412 ± 0.0008"`` or ``"(6.98 ± 0.02)·10⁻⁵"``.
-    """
+    """Return a number with its standard error, both to the second digit of the error."""
     if not math.isfinite(value) or not math.isfinite(error) or error <= 0.0:
         return number(value, 4)
     exponent = math.floor(math.log10(abs(value))) if value else math.floor(math.log10(error))
@@ -62,20 +36,7 @@ def with_error(value: float, error: float) -> str:
 
 
 def compact_with_error(value: float, error: float) -> str:
-    """Return a number with the error of its last two digits in brackets.
-
-    Parameters
-    ----------
-    value : float
-        The estimate.
-    error : float
-        Its standard error; not finite or zero: unknown.
-
-    Returns
-    -------
-    str
-        E.g. ``"0.24123(83)"``, which is 0.24123 ± 0.00083.
-    """
+    """Return a number with the error of its last two digits in brackets."""
     text = with_error(value, error)
     if "±" not in text:
         return text
@@ -86,34 +47,12 @@ def compact_with_error(value: float, error: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share as a percentage.
-
-    Parameters
-    ----------
-    share : float
-        0 to 1.
-
-    Returns
-    -------
-    str
-        E.g. ``"90 %"``.
-    """
+    """Return a share as a percentage."""
     return f"{100.0 * share:.0f} %" if math.isfinite(share) else MISSING
 
 
 def duration(seconds: float) -> str:
-    """Return a length of time in the unit a person would use.
-
-    Parameters
-    ----------
-    seconds : float
-        Seconds.
-
-    Returns
-    -------
-    str
-        E.g. ``"2 h 47 min"``.
-    """
+    """Return a length of time in the unit a person would use."""
     if not math.isfinite(seconds):
         return MISSING
     if seconds < 120.0:

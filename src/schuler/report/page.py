@@ -32,18 +32,7 @@ class _Page:
 
 @lru_cache(maxsize=1)
 def plotly_script() -> str:
-    """Return the source of plotly.js that is installed with the package.
-
-    Returns
-    -------
-    str
-        JavaScript that is safe inside a script element.
-
-    Raises
-    ------
-    InputError
-        The plotly package is not complete.
-    """
+    """Return the source of plotly.js that is installed with the package."""
     spec = find_spec("plotly")  # importing plotly would cost more than reading one file of it
     if spec is None or spec.origin is None:
         raise InputError("plotly is not installed", cure="pip install plotly")
@@ -58,23 +47,7 @@ def plotly_script() -> str:
 
 
 def safe_json(value: Any) -> str:
-    """Return JSON that is safe inside a script element and holds no NaN.
-
-    Parameters
-    ----------
-    value : any
-        Plain values; numbers that are not finite are refused.
-
-    Returns
-    -------
-    str
-        JSON in which ``<`` and ``>`` and ``&`` are escaped.
-
-    Raises
-    ------
-    ValueError
-        A number is not finite (arrays with gaps go through `figures.encode`).
-    """
+    """Return JSON that is safe inside a script element and holds no NaN."""
     text = json.dumps(value, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -97,18 +70,7 @@ def _template() -> Template:
 
 
 def anchor(title: str) -> str:
-    """Return a name for links out of a title.
-
-    Parameters
-    ----------
-    title : str
-        Any text.
-
-    Returns
-    -------
-    str
-        Lower-case letters, digits and hyphens.
-    """
+    """Return a name for links out of a title."""
     letters = [c if c.isascii() and c.isalnum() else "-" for c in title.lower()]
     return "-".join(filter(None, "".join(letters).split("-"))) or "section"
 
@@ -128,22 +90,7 @@ def _figures(sections: Iterable[Section]) -> Iterable[Figure]:
 
 
 def render_page(title: str, sections: Iterable[Section], provenance: Provenance) -> str:
-    """Return the whole page.
-
-    Parameters
-    ----------
-    title : str
-        Title of the page, plain text.
-    sections : iterable of Section
-        In reading order.
-    provenance : Provenance
-        Where the results came from.
-
-    Returns
-    -------
-    str
-        HTML that refers to nothing outside itself.
-    """
+    """Return the whole page."""
     sections = tuple(sections)
     assets = files("schuler.report") / "assets"
     page = _Page(

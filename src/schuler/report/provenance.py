@@ -63,13 +63,7 @@ class Provenance:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values.
-
-        Returns
-        -------
-        dict
-            All fields.
-        """
+        """Return plain JSON values."""
         return {
             "version": self.version,
             "python": self.python,
@@ -82,23 +76,7 @@ class Provenance:
 
 
 def digest_file(path: str | Path) -> InputFile:
-    """Return name, size and SHA-256 of a file.
-
-    Parameters
-    ----------
-    path : str or Path
-        An existing file.
-
-    Returns
-    -------
-    InputFile
-        Its record.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
+    """Return name, size and SHA-256 of a file."""
     file = Path(path)
     try:
         with file.open("rb") as stream:
@@ -115,24 +93,7 @@ def record_provenance(
     seeds: Mapping[str, int] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Provenance:
-    """Record what a result made here and now depends on.
-
-    Parameters
-    ----------
-    command : str
-        Command line.
-    inputs : iterable of str or Path
-        Files that were read; a folder stands for the recordings in it.
-    seeds : mapping of str to int, optional
-        Seeds.
-    settings : mapping, optional
-        Options, as plain JSON values.
-
-    Returns
-    -------
-    Provenance
-        The record.
-    """
+    """Record what a result made here and now depends on."""
     from schuler import __version__
 
     files: list[Path] = []

@@ -14,28 +14,7 @@ from schuler.report.sections import sections_of
 def render_report(
     *results: object, title: str = "Report", provenance: Provenance | None = None
 ) -> str:
-    """Return the page that shows results in the given order.
-
-    Parameters
-    ----------
-    *results : object
-        Recordings, screenings, characterizations, navigation runs, outage evaluations, or
-        sections of your own.
-    title : str
-        Title of the page.
-    provenance : Provenance, optional
-        Where the results came from; by default this version, now.
-
-    Returns
-    -------
-    str
-        HTML that refers to nothing outside itself.
-
-    Raises
-    ------
-    InputError
-        No result, or one that a report cannot show.
-    """
+    """Return the page that shows results in the given order."""
     if not results:
         raise InputError("a report without a result", expected="at least one result")
     sections = [section for result in results for section in sections_of(result)]

@@ -46,21 +46,7 @@ class Rest:
 
 
 def look_at_rest(imu: ImuRecording, rate: float) -> Rest:
-    """Find out when the sensor stood still.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-    rate : float
-        Hz.
-
-    Returns
-    -------
-    Rest
-        Static as a whole, when the means over 1 s stay within 0.02 rad/s and 0.3 m/s² from the
-        5th to the 95th percentile; else windows about as quiet as the quietest.
-    """
+    """Find out when the sensor stood still."""
     window = max(2, round(_WINDOW * rate))
     count = imu.size // window
     if count < 3:
@@ -118,24 +104,7 @@ def _runs(calm: NDArray[np.bool_], edge: FloatArray, least: int) -> tuple[tuple[
 def look_for_knocks(
     imu: ImuRecording, rate: float, still: Rest
 ) -> tuple[tuple[tuple[int, int], ...], list[Finding]]:
-    """Find knocks and outliers of a static recording, and channels with heavy tails.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-    rate : float
-        Hz.
-    still : Rest
-        When it stood still; a recording that moved is not looked at.
-
-    Returns
-    -------
-    disturbed : tuple of (int, int)
-        Rows to be cut out, padded by 0.25 s.
-    findings : list of Finding
-        What to say about it.
-    """
+    """Find knocks and outliers of a static recording, and channels with heavy tails."""
     if not still.static:
         return (), []
     block = max(3, round(_BLOCK * rate))

@@ -37,18 +37,7 @@ class Steps:
 
 
 def look_at_steps(imu: ImuRecording) -> Steps:
-    """Look at the time stamps.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    Steps
-        Rate, jitter, gaps.
-    """
+    """Look at the time stamps."""
     step = np.diff(imu.time)
     gap = step > _GAP * float(np.median(step))
     usual = step[~gap]
@@ -84,24 +73,7 @@ def look_at_steps(imu: ImuRecording) -> Steps:
 
 
 def repeated_rows(imu: ImuRecording) -> NDArray[np.bool_]:
-    """Find rows that are equal to the row before in every channel.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    (n,) ndarray of bool
-        True for a repeat; all False when no more rows repeat than coarse quantisation makes
-        repeat by chance.
-
-    Notes
-    -----
-    If the channels were independent, rows would repeat with the product of the shares in which
-    each channel repeats. Real repeats are far more frequent than that.
-    """
+    """Find rows that are equal to the row before in every channel."""
     repeated = np.zeros(imu.size, dtype=bool)
     same = np.ones(imu.size - 1, dtype=bool)
     chance = 1.0
@@ -122,20 +94,7 @@ def repeated_rows(imu: ImuRecording) -> NDArray[np.bool_]:
 
 
 def findings_on_rows(imu: ImuRecording, repeated: NDArray[np.bool_]) -> tuple[Finding, ...]:
-    """Say what repeated rows mean.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-    repeated : (n,) ndarray of bool
-        Rows that repeat the row before.
-
-    Returns
-    -------
-    tuple of Finding
-        One or none.
-    """
+    """Say what repeated rows mean."""
     count = int(repeated.sum())
     if not count:
         return ()

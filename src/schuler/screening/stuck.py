@@ -41,18 +41,7 @@ class StuckInterval:
 
 
 def stuck_intervals(imu: ImuRecording) -> tuple[StuckInterval, ...]:
-    """Find stretches in which a channel does not change though it does before or after.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    tuple of StuckInterval
-        In the order of the channels, then of time; a channel that never changes is left out.
-    """
+    """Find stretches in which a channel does not change though it does before or after."""
     shortest = max(round(SHORTEST * imu.rate), FEWEST)
     near = round(AROUND * imu.rate)
     found = []
@@ -107,20 +96,7 @@ def _runs(signal: FloatArray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def findings_on_stuck(imu: ImuRecording, stuck: tuple[StuckInterval, ...]) -> tuple[Finding, ...]:
-    """Say which channels stop for a while.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-    stuck : tuple of StuckInterval
-        From `stuck_intervals`.
-
-    Returns
-    -------
-    tuple of Finding
-        One for each stretch; channels that stop together share it.
-    """
+    """Say which channels stop for a while."""
     together: dict[tuple[int, int], list[str]] = {}
     for interval in stuck:
         together.setdefault((interval.first, interval.stop), []).append(interval.channel)

@@ -19,18 +19,7 @@ _MANY = 20_000  # samples that suffice to find the grid
 
 
 def stuck_axes(imu: ImuRecording) -> list[Finding]:
-    """Find channels that never change.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    list of Finding
-        An error for each such channel.
-    """
+    """Find channels that never change."""
     found = []
     for name in imu.channels:
         signal = imu.channel(name)
@@ -43,23 +32,7 @@ def stuck_axes(imu: ImuRecording) -> list[Finding]:
 
 
 def saturation(imu: ImuRecording) -> list[Finding]:
-    """Find channels whose values pile up at the end of their range.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    list of Finding
-        A warning for each such channel.
-
-    Notes
-    -----
-    At the end of an unsaturated range the values get rarer; a pile is an extreme value that comes
-    several times as often as the values just inside it.
-    """
+    """Find channels whose values pile up at the end of their range."""
     found = []
     for name in imu.channels:
         signal = imu.channel(name)
@@ -75,18 +48,7 @@ def saturation(imu: ImuRecording) -> list[Finding]:
 
 
 def saturation_limits(signal: FloatArray) -> tuple[float, float]:
-    """Return the ends of the range at which a signal saturates.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Values, all finite.
-
-    Returns
-    -------
-    (float, float)
-        Lowest and highest value where samples pile up there, else -inf and inf.
-    """
+    """Return the ends of the range at which a signal saturates."""
     if not signal.max() > signal.min():
         return -np.inf, np.inf
     low = float(signal.min()) if _piled(-signal) else -np.inf
@@ -109,20 +71,7 @@ def _piled(signal: FloatArray) -> int:
 
 
 def suspected_units(imu: ImuRecording, still: Rest) -> list[Finding]:
-    """Compare the specific force with gravity, and the rate at rest with what gyros show.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-    still : Rest
-        When it stood still.
-
-    Returns
-    -------
-    list of Finding
-        A warning with the unit that would explain the values.
-    """
+    """Compare the specific force with gravity, and the rate at rest with what gyros show."""
     found = []
     accel = ("accel_x", "accel_y", "accel_z")
     if all(c in imu.channels for c in accel):
@@ -163,20 +112,7 @@ def _force_unit(ratio: float) -> str:
 
 
 def gravity(imu: ImuRecording, still: Rest) -> list[Finding]:
-    """Say which axis gravity lies on.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-    still : Rest
-        When it stood still.
-
-    Returns
-    -------
-    list of Finding
-        One line, or none when the accelerometers were not all recorded or it never stood still.
-    """
+    """Say which axis gravity lies on."""
     if not all(f"accel_{a}" in imu.channels for a in "xyz") or not still.rest:
         return []
     start, stop = max(still.rest, key=lambda r: r[1] - r[0])
@@ -194,18 +130,7 @@ def gravity(imu: ImuRecording, still: Rest) -> list[Finding]:
 
 
 def grids(imu: ImuRecording) -> list[Finding]:
-    """Find the steps of quantisation.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    list of Finding
-        One line for all channels of a sensor that lie on the same grid.
-    """
+    """Find the steps of quantisation."""
     steps: dict[str, float] = {}
     for name in imu.channels:
         step = grid_step(imu.channel(name)[:_MANY])
@@ -225,18 +150,7 @@ def grids(imu: ImuRecording) -> list[Finding]:
 
 
 def grid_step(signal: FloatArray) -> float:
-    """Return the step of quantisation of a signal.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Some ten thousand samples suffice.
-
-    Returns
-    -------
-    float
-        Distance of neighbouring values, or 0 when they lie on no grid that can be seen.
-    """
+    """Return the step of quantisation of a signal."""
     values = np.unique(signal)
     if values.size < 2 or values.size > 0.3 * signal.size:
         return 0.0

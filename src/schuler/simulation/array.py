@@ -39,47 +39,7 @@ def simulate_array(
     motion: ImuRecording | None = None,
     body: ArrayLike | None = None,
 ) -> tuple[ImuRecording, ...]:
-    """Return what several IMUs on one body record.
-
-    Parameters
-    ----------
-    profile : Profile
-        True motion of the body's centre.
-    rotations : (k, 3, 3) array_like
-        C_bs of each IMU: takes vectors from its axes into the body's.
-    positions : (k, 3) array_like
-        Of each IMU from the centre, in the body, m.
-    noise_models : NoiseModel, sequence of (NoiseModel or None), or None
-        One for all (each IMU draws its own noise from it), or one for each.
-    rate : float
-        Samples a second.
-    rng : numpy.random.Generator
-        Each IMU draws from its own child of it, each channel from a child of that: an IMU keeps
-        its noise when others are added after it.
-    size_effect : bool
-        False leaves out what rotation adds to the force away from the centre.
-    gyro_errors, accel_errors : TriadErrors, sequence of (TriadErrors or None), or None
-        One for all, or one for each.
-    names : sequence of str, optional
-        "imu 1", "imu 2", ... if not given.
-    motion : ImuRecording, optional
-        What an ideal IMU at the centre records in the axes of the body, instead of the one of the
-        profile alone: with vibration, for instance.
-    body : (3, 3) array_like, optional
-        Takes the axes of the body into those of the profile, where they differ.
-
-    Returns
-    -------
-    tuple of ImuRecording
-        One for each IMU, in its own axes, at the same stamps: C_sb w + errors, and
-        C_sb (f + dw/dt x l + w x (w x l)) + errors. Source: spec 1.4.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes or numbers of things, or a mounting that is no rotation (a left-handed one,
-        for instance).
-    """
+    """Return what several IMUs on one body record."""
     turned = np.asarray(rotations, dtype=np.float64)
     arms = np.asarray(positions, dtype=np.float64)
     k = Mounting(turned, arms).count

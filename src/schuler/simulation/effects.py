@@ -43,18 +43,7 @@ class TemperatureDrift:
                 )
 
     def biases(self, temperature: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the drift at some temperatures.
-
-        Parameters
-        ----------
-        temperature : (n,) ndarray
-            Degrees Celsius.
-
-        Returns
-        -------
-        gyro, accel : (n, 3) ndarray
-            rad/s and m/s².
-        """
+        """Return the drift at some temperatures."""
         above = (temperature - self.reference)[:, None]
         gyro = above * np.asarray(self.gyro_linear) + above**2 * np.asarray(self.gyro_quadratic)
         accel = above * np.asarray(self.accel_linear) + above**2 * np.asarray(self.accel_quadratic)
@@ -64,29 +53,7 @@ class TemperatureDrift:
 def warm_up(
     time: ArrayLike, *, start: float = 25.0, rise: float = 15.0, time_constant: float = 600.0
 ) -> FloatArray:
-    """Return the temperature of a device after it was switched on.
-
-    Parameters
-    ----------
-    time : (n,) array_like
-        Seconds; switched on at the first.
-    start : float
-        Temperature at first, degrees Celsius.
-    rise : float
-        How much warmer it becomes in the end, K.
-    time_constant : float
-        Seconds.
-
-    Returns
-    -------
-    (n,) ndarray
-        start + rise (1 - exp(-t / time_constant)), degrees Celsius.
-
-    Raises
-    ------
-    InputError
-        A time constant that is not positive.
-    """
+    """Return the temperature of a device after it was switched on."""
     if not time_constant > 0.0:
         raise InputError(f"a time constant of {time_constant:g} s", expected="a positive time")
     t = np.asarray(time, dtype=np.float64)
@@ -129,18 +96,7 @@ class ManoeuvreNoise:
             raise InputError(f"manoeuvre noise {values}", expected="numbers of zero or more")
 
     def densities(self, truth: ImuRecording) -> tuple[FloatArray, FloatArray]:
-        """Return the densities along a motion, to draw from or to tell a filter.
-
-        Parameters
-        ----------
-        truth : ImuRecording
-            Without errors.
-
-        Returns
-        -------
-        gyro, accel : (n,) ndarray
-            rad/s/sqrt(Hz) and m/s²/sqrt(Hz), the same on the three axes.
-        """
+        """Return the densities along a motion, to draw from or to tell a filter."""
         rate = np.linalg.norm(truth.gyro, axis=1)
         force = np.abs(np.linalg.norm(truth.accel, axis=1) - STANDARD_GRAVITY)
         gyro = np.hypot(self.gyro_with_rate * rate, self.gyro_with_force * force)
@@ -150,22 +106,7 @@ class ManoeuvreNoise:
     def draw(
         self, truth: ImuRecording, dt: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
-        """Draw the added noise.
-
-        Parameters
-        ----------
-        truth : ImuRecording
-            Without errors.
-        dt : float
-            Step, s.
-        rng : numpy.random.Generator
-            Each of the six channels draws from its own child of it.
-
-        Returns
-        -------
-        gyro, accel : (n, 3) ndarray
-            rad/s and m/s²: density / sqrt(dt) times a standard normal.
-        """
+        """Draw the added noise."""
         unit = np.stack([c.standard_normal(truth.size) for c in rng.spawn(6)], axis=-1)
         gyro, accel = self.densities(truth)
         step = np.sqrt(dt)

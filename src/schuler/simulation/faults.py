@@ -23,18 +23,7 @@ class _Lasting:
     duration: float = INFINITE
 
     def rows(self, time: FloatArray) -> slice:
-        """Return the rows that the fault concerns.
-
-        Parameters
-        ----------
-        time : (n,) ndarray
-            Seconds.
-
-        Returns
-        -------
-        slice
-            Perhaps empty.
-        """
+        """Return the rows that the fault concerns."""
         first, stop = np.searchsorted(time, [self.start, self.start + self.duration])
         return slice(int(first), int(stop))
 
@@ -211,25 +200,6 @@ def inject_faults(
 
     What changes values comes first, in the order given; then rows are dropped, then stamps jump,
     all by the stamps of the recording as given.
-
-    Parameters
-    ----------
-    recording : ImuRecording
-        Is left alone.
-    faults : sequence of Fault
-        What goes wrong.
-
-    Returns
-    -------
-    faulty : ImuRecording
-        Without NaN, its time strictly increasing.
-    log : tuple of FaultEntry
-        One for every fault, in the order given. A fault outside the recording has no rows.
-
-    Raises
-    ------
-    InputError
-        A channel that was not recorded, or fewer than two rows are left.
     """
     time = recording.time
     values = np.hstack([recording.gyro, recording.accel])

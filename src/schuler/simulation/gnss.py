@@ -21,29 +21,7 @@ VERTICAL_FACTOR = 1.5
 def antenna_motion(
     profile: Profile, time: ArrayLike, lever_arm: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the true position and velocity of an antenna.
-
-    Parameters
-    ----------
-    profile : Profile
-        True motion of the IMU.
-    time : (n,) array_like
-        Seconds within the profile.
-    lever_arm : (3,) array_like
-        From the IMU to the antenna in the body, m.
-
-    Returns
-    -------
-    position : (n, 3) ndarray
-        Latitude rad, longitude rad, height m.
-    velocity : (n, 3) ndarray
-        North, east, down, m/s: v + C_nb (w_eb x l), w_eb = w_ib - C_bn w_ie.
-
-    Raises
-    ------
-    InputError
-        A time is outside the profile.
-    """
+    """Return the true position and velocity of an antenna."""
     motion = profile.motion(time)
     c_nb = dcm_from_euler(*motion.euler.T)
     lever = np.asarray(lever_arm, dtype=np.float64)

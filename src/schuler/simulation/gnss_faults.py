@@ -58,27 +58,7 @@ FixFault = WrongFix | LateStamps
 def inject_fix_faults(
     recording: GnssRecording, faults: Sequence[FixFault]
 ) -> tuple[GnssRecording, tuple[str, ...]]:
-    """Return a recording of GNSS with faults, and what was done.
-
-    Parameters
-    ----------
-    recording : GnssRecording
-        Is left alone.
-    faults : sequence of FixFault
-        What goes wrong.
-
-    Returns
-    -------
-    faulty : GnssRecording
-        With a line of history for each.
-    log : tuple of str
-        One line for each fault.
-
-    Raises
-    ------
-    InputError
-        A fault outside the recording.
-    """
+    """Return a recording of GNSS with faults, and what was done."""
     log = []
     for fault in faults:
         since = recording.time >= fault.start

@@ -31,23 +31,7 @@ SHORTEST, LONGEST = 1.0, 1e4
 
 
 def grade_noise(name: str) -> NoiseModel:
-    """Return the noise of a grade of inertial sensor.
-
-    Parameters
-    ----------
-    name : str
-        "phone", "consumer", "industrial" or "tactical".
-
-    Returns
-    -------
-    NoiseModel
-        White noise, bias instability and a constant at switch-on, the same on every axis.
-
-    Raises
-    ------
-    InputError
-        Another name.
-    """
+    """Return the noise of a grade of inertial sensor."""
     if name not in GRADES:
         raise InputError(f"no grade '{name}' of IMU", expected=f"one of {', '.join(GRADES)}")
     from schuler.data import CHANNELS

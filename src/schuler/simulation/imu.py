@@ -61,32 +61,7 @@ class TriadErrors:
 
 
 def ideal_imu(profile: Profile, rate: float, *, name: str = "ideal") -> ImuRecording:
-    """Return what an IMU without errors records.
-
-    Sample k is the mean of the true angular rate and specific force over the interval that ends
-    at its stamp, the first interval beginning where the profile begins. The mean times the
-    interval is exactly the increment that a strapdown algorithm integrates.
-
-    Parameters
-    ----------
-    profile : Profile
-        True motion of the IMU.
-    rate : float
-        Samples a second.
-    name : str
-        Name of the recording.
-
-    Returns
-    -------
-    ImuRecording
-        From start + 1 / rate to the end of the profile. Source: spec 1.2; integrals by
-        Gauss-Legendre quadrature with four nodes.
-
-    Raises
-    ------
-    InputError
-        The rate is not positive, or the profile is shorter than two intervals.
-    """
+    """Return what an IMU without errors records."""
     n = _count(profile.duration, rate)
     node, weight = np.polynomial.legendre.leggauss(NODES)
     gyro, accel = np.empty((n, 3)), np.empty((n, 3))

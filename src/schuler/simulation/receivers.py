@@ -75,36 +75,7 @@ def simulate_receiver(
     outlier_size: float = 50.0,
     velocity: bool = True,
 ) -> GnssRecording:
-    """Return what a receiver of some grade records on a known motion.
-
-    Parameters
-    ----------
-    profile : Profile
-        True motion of the IMU.
-    grade : GnssGrade
-        `L1_CODE`, `DIFFERENTIAL_CODE`, `RTK_FIXED` or another.
-    rate : float
-        Epochs a second.
-    rng : numpy.random.Generator
-        As in `simulate_gnss`.
-    lever_arm, start, latency, velocity_latency, claimed_scale, outages
-        As in `simulate_gnss`.
-    outlier_rate, outlier_size : float
-        As in `simulate_gnss`.
-    velocity : bool
-        False: no velocities are recorded.
-
-    Returns
-    -------
-    GnssRecording
-        With the quality of the grade. It claims the standard deviation of the white and the
-        correlated part together, as receivers do. Source: spec 1.3.
-
-    Raises
-    ------
-    InputError
-        As `simulate_gnss`.
-    """
+    """Return what a receiver of some grade records on a known motion."""
     recording = simulate_gnss(
         profile,
         rate,

@@ -20,15 +20,7 @@ ACCEL_BIAS_INSTABILITY = 0.3e-3 * 9.80665
 
 
 def tactical_grade_noise() -> NoiseModel:
-    """Return the noise of a tactical-grade IMU, of the class of the LN200.
-
-    Returns
-    -------
-    NoiseModel
-        White noise and bias instability (correlation times of 1 to 10 000 s) on every axis:
-        gyros 0.07 deg/sqrt(h) and 1 deg/h, accelerometers 0.03 m/s/sqrt(h) and 0.3 mg. Typical
-        values of the class; source: spec 1.5.
-    """
+    """Return the noise of a tactical-grade IMU, of the class of the LN200."""
     from schuler.data import CHANNELS
     from schuler.noise import BiasInstability, NoiseModel, WhiteNoise
 

@@ -39,31 +39,7 @@ def shaken(
     level: float,
     rng: np.random.Generator,
 ) -> ImuRecording:
-    """Return a recording of an IMU that is shaken as on some vehicle.
-
-    Parameters
-    ----------
-    ideal : ImuRecording
-        Without errors, in the axes of the vehicle.
-    profile : Profile
-        Its motion.
-    vehicle : str
-        Name of the motion: a car or motorcycle has engine, wheels and road, a drone rotors.
-    level : float
-        1 as usual, 0 not at all.
-    rng : numpy.random.Generator
-        Source of the draw.
-
-    Returns
-    -------
-    ImuRecording
-        At the same stamps.
-
-    Raises
-    ------
-    InputError
-        A motion that has nothing to shake it, or a negative level.
-    """
+    """Return a recording of an IMU that is shaken as on some vehicle."""
     if not level >= 0.0:
         raise InputError(f"a vibration of level {level:g}", expected="zero or more")
     if level == 0.0:

@@ -20,28 +20,7 @@ CHUNK = 4096
 
 
 def arm_tensor(profile: Profile, time: ArrayLike) -> FloatArray:
-    """Return what turns a lever arm into the specific force that rotation adds at its end.
-
-    Parameters
-    ----------
-    profile : Profile
-        True motion of the centre.
-    time : (n,) array_like
-        Stamps, s, evenly spaced, each ending its interval; the first interval is as long as the
-        others.
-
-    Returns
-    -------
-    (n, 3, 3) ndarray
-        Means over the intervals of [dw/dt x] + [w x][w x] in 1/s², w the rate of the body in
-        inertial space; times a lever arm in the body: m/s². The mean of dw/dt is exact, that of
-        the other by quadrature. Gravity is taken to be the same at both ends of the arm.
-
-    Raises
-    ------
-    InputError
-        Fewer than two stamps, or an interval outside the profile.
-    """
+    """Return what turns a lever arm into the specific force that rotation adds at its end."""
     stamps = np.asarray(time, dtype=np.float64)
     if stamps.ndim != 1 or stamps.size < 2:
         raise InputError(f"stamps of shape {stamps.shape}", expected="two or more in a row")
@@ -64,28 +43,7 @@ def arm_tensor(profile: Profile, time: ArrayLike) -> FloatArray:
 
 
 def add_size_effect(ideal: ImuRecording, tensor: FloatArray, position: ArrayLike) -> ImuRecording:
-    """Return what accelerometers record that sit away from the centre.
-
-    Parameters
-    ----------
-    ideal : ImuRecording
-        Of the centre, in the axes of the body.
-    tensor : (n, 3, 3) ndarray
-        From `arm_tensor` at the same stamps.
-    position : (3,) or (3, 3) array_like
-        Of the triad from the centre, in the body, m; or of the accelerometers x, y, z, row by
-        row.
-
-    Returns
-    -------
-    ImuRecording
-        f + dw/dt x l + w x (w x l); the gyros as they are. Source: spec 1.4.
-
-    Raises
-    ------
-    InputError
-        A position or tensor of another shape.
-    """
+    """Return what accelerometers record that sit away from the centre."""
     arm = np.asarray(position, dtype=np.float64)
     if arm.shape not in ((3,), (3, 3)) or tensor.shape != (ideal.size, 3, 3):
         raise InputError(

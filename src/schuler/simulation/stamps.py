@@ -16,34 +16,7 @@ LARGEST_JITTER = 0.45
 
 
 def box_car(recording: ImuRecording, taps: int, decimation: int) -> ImuRecording:
-    """Return the moving average that a device takes before it delivers fewer samples.
-
-    The device of S004 averages 30 samples at 30 kHz into one of 1 kHz (which is what a recording
-    simulated at 1 kHz holds already), then takes the mean of 15 of these, 100 times a second:
-    `box_car(recording, 15, 10)`.
-
-    Parameters
-    ----------
-    recording : ImuRecording
-        At the higher rate, with its noise.
-    taps : int
-        Samples in each mean.
-    decimation : int
-        Samples from one mean to the next.
-
-    Returns
-    -------
-    ImuRecording
-        Each mean is stamped with its last sample. With more taps than decimation the means
-        overlap: white noise has the autocorrelation (taps - decimation)/taps at lag one, and
-        samples are late by (taps - decimation)/2 of the higher rate's steps against means over
-        their own interval. Source: spec 1.1 and 8.4 (S004 Fig. 10).
-
-    Raises
-    ------
-    InputError
-        Numbers below one, or fewer than two means in the recording.
-    """
+    """Return the moving average that a device takes before it delivers fewer samples."""
     count = (recording.size - taps) // decimation + 1 if taps >= 1 and decimation >= 1 else 0
     if count < 2:
         raise InputError(
@@ -69,23 +42,7 @@ def box_car(recording: ImuRecording, taps: int, decimation: int) -> ImuRecording
 
 
 def box_car_gain(frequency: ArrayLike, taps: int, rate: float) -> FloatArray:
-    """Return the gain of a moving average.
-
-    Parameters
-    ----------
-    frequency : array_like
-        Hz.
-    taps : int
-        Samples in the mean.
-    rate : float
-        Of these samples, Hz.
-
-    Returns
-    -------
-    ndarray
-        |sin(pi f n / rate) / (n sin(pi f / rate))|. S004's device has
-        `box_car_gain(f, 30, 30e3) * box_car_gain(f, 15, 1e3)`: 14.16 % less at 20 Hz.
-    """
+    """Return the gain of a moving average."""
     cycles = np.asarray(frequency, dtype=np.float64) / rate
     whole = np.sinc(taps * cycles)
     # sinc(n x) / sinc(x); both vanish at whole numbers of cycles a sample, where the gain is one
@@ -138,23 +95,7 @@ class StampErrors:
 
 
 def restamp(recording: ImuRecording, errors: StampErrors, rng: np.random.Generator) -> ImuRecording:
-    """Return a recording as it arrives in a log.
-
-    Parameters
-    ----------
-    recording : ImuRecording
-        Stamped with the true time.
-    errors : StampErrors
-        What goes wrong.
-    rng : numpy.random.Generator
-        Jitter, losses and repetitions draw from a child each.
-
-    Returns
-    -------
-    ImuRecording
-        Rows stamped t + offset + rate_error (t - t_first) + jitter, without the lost ones. The
-        first and the last row are never lost.
-    """
+    """Return a recording as it arrives in a log."""
     jitter_rng, lost_rng, repeat_rng = rng.spawn(3)
     n, dt = recording.size, recording.duration / (recording.size - 1)
     noise = errors.jitter * jitter_rng.standard_normal(n)

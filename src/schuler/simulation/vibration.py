@@ -65,44 +65,14 @@ def engine_turning_rate(
     shift: float = 42.0,
     metres_per_turn: Sequence[float] = (0.14, 0.26, 0.40, 0.55, 0.70),
 ) -> FloatArray:
-    """Return how fast the engine of a car turns.
-
-    Parameters
-    ----------
-    speed : (n,) array_like
-        m/s.
-    idle : float
-        Turns a second at rest.
-    shift : float
-        Turns a second above which the next gear is taken.
-    metres_per_turn : sequence of float
-        Way of the car per turn of the engine in each gear, from the first.
-
-    Returns
-    -------
-    (n,) ndarray
-        Turns a second, in the lowest gear that stays below `shift`; not below `idle`.
-    """
+    """Return how fast the engine of a car turns."""
     v = np.abs(np.asarray(speed, dtype=np.float64))
     gear = np.searchsorted(shift * np.asarray(metres_per_turn[:-1]), v)
     return np.asarray(np.maximum(idle, v / np.asarray(metres_per_turn)[gear]))
 
 
 def wheel_turning_rate(speed: ArrayLike, circumference: float = 1.95) -> FloatArray:
-    """Return how fast a wheel turns.
-
-    Parameters
-    ----------
-    speed : (n,) array_like
-        m/s.
-    circumference : float
-        Metres.
-
-    Returns
-    -------
-    (n,) ndarray
-        Turns a second.
-    """
+    """Return how fast a wheel turns."""
     return np.abs(np.asarray(speed, dtype=np.float64)) / circumference
 
 
@@ -114,32 +84,7 @@ def add_vibration(
     turning_rate: ArrayLike | None = None,
     strength: ArrayLike = 1.0,
 ) -> ImuRecording:
-    """Return an error-free recording of a body that vibrates besides its motion.
-
-    Parameters
-    ----------
-    ideal : ImuRecording
-        From `ideal_imu`, evenly sampled.
-    vibrations : sequence of Vibration
-        What is added.
-    rng : numpy.random.Generator
-        Each channel of each vibration draws from its own child of it.
-    turning_rate : (n,) array_like, optional
-        Turns a second at the stamps, for vibrations that have an order.
-    strength : float or (n,) array_like
-        Factor on the root mean squares, e.g. speed over the speed they hold for.
-
-    Returns
-    -------
-    ImuRecording
-        At the same stamps. Source: spec 1.1 (sinusoid); exact sampling of a Gauss-Markov process
-        modulated to its frequency for the random ones.
-
-    Raises
-    ------
-    InputError
-        An order without a turning rate, or arrays of another length.
-    """
+    """Return an error-free recording of a body that vibrates besides its motion."""
     n = ideal.size
     dt = ideal.duration / (n - 1)
     turning = None if turning_rate is None else np.asarray(turning_rate, dtype=np.float64)

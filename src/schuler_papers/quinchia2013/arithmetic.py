@@ -50,20 +50,7 @@ PERCENTAGES = {
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Nothing is simulated but a density in both conventions.
-
-    Parameters
-    ----------
-    seed : int
-        Not used.
-    size : {"quick", "full"}
-        Not used.
-
-    Returns
-    -------
-    Numbers
-        Root of the one-sided over the two-sided density.
-    """
+    """Nothing is simulated but a density in both conventions."""
     signal = np.random.default_rng(4).standard_normal(20_000)
     one = power_spectral_density(signal, 1.0, onesided=True).density
     two = power_spectral_density(signal, 1.0, onesided=False).density

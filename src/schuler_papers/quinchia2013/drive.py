@@ -18,22 +18,7 @@ ANSWERS = ("causal", "smoothed", "causal, wheels", "smoothed, wheels")
 
 
 def run(seed: int, size: Size, folder: Path) -> Numbers:
-    """Withhold RTK seven times from one drive, without and with what is known of the vehicle.
-
-    Parameters
-    ----------
-    seed : int
-        Nothing is random.
-    size : {"quick", "full"}
-        The same.
-    folder : Path
-        Measured data.
-
-    Returns
-    -------
-    Numbers
-        Largest errors and claimed standard deviations of each outage.
-    """
+    """Withhold RTK seven times from one drive, without and with what is known of the vehicle."""
     from schuler.io import read_gnss, read_imu
 
     imu = read_imu(folder / "rtk-drive" / "imu.parquet")

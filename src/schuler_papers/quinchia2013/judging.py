@@ -25,64 +25,19 @@ ONE_IMU = "one sensor, one draw: seven outages scatter by 40 % around such a mea
 
 
 def case(results: Results, name: str, figure: str, windows: tuple[int, ...]) -> FloatArray:
-    """Return a figure of a model, mean over windows, by repetition.
-
-    Parameters
-    ----------
-    results : sequence of Numbers
-        Of `outages.run`.
-    name, figure : str
-        Model; "max", "mean" or "end".
-    windows : tuple of int
-        Which.
-
-    Returns
-    -------
-    (k,) ndarray
-        m.
-    """
+    """Return a figure of a model, mean over windows, by repetition."""
     return np.asarray(stacked(results, f"{name}:{figure}")[:, list(windows)].mean(axis=1))
 
 
 def pair(
     results: Results, a: str, b: str, figure: str = "end", windows: tuple[int, ...] = LONG
 ) -> PairedStatistics:
-    """Compare two models seed by seed.
-
-    Parameters
-    ----------
-    results : sequence of Numbers
-        Of `outages.run`.
-    a, b, figure : str
-        Models and figure.
-    windows : tuple of int
-        Which.
-
-    Returns
-    -------
-    PairedStatistics
-        Cases are the seeds.
-    """
+    """Compare two models seed by seed."""
     return paired_statistics(case(results, a, figure, windows), case(results, b, figure, windows))
 
 
 def ratio(results: Results, name: str, windows: tuple[int, ...]) -> Estimate:
-    """Return claimed over real error at the ends, both root mean squares, with its error.
-
-    Parameters
-    ----------
-    results : sequence of Numbers
-        Of `outages.run`.
-    name : str
-        Model.
-    windows : tuple of int
-        Which.
-
-    Returns
-    -------
-    Estimate
-        The error by leaving out one seed after the other.
-    """
+    """Return claimed over real error at the ends, both root mean squares, with its error."""
     real = (stacked(results, f"{name}:end")[:, list(windows)] ** 2).mean(axis=1)
     claimed = (stacked(results, f"{name}:claimed")[:, list(windows)] ** 2).mean(axis=1)
     value = math.sqrt(claimed.mean() / real.mean())

@@ -37,20 +37,7 @@ ROLES: tuple[Role, ...] = ("x", "y", "z", "better", "other")
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Simulate every noise alone and correlate a Gauss-Markov noise.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 000 samples or a million.
-
-    Returns
-    -------
-    Numbers
-        Slopes, curves, fits of the autocorrelation.
-    """
+    """Simulate every noise alone and correlate a Gauss-Markov noise."""
     rng = generator(seed, PAPER, "laws")
     n = 200_000 if size == "quick" else 1_000_000
     found: dict[str, FloatArray | float] = {}

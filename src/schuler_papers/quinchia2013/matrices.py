@@ -19,40 +19,12 @@ CHANNEL = "accel_x"
 
 
 def printed_transition(channel: str, dt: float) -> float:
-    """Return the transition of a Gauss-Markov state as printed: (2), (7), (21), (22).
-
-    Parameters
-    ----------
-    channel : str
-        Out of `schuler.data.CHANNELS`.
-    dt : float
-        Step, s.
-
-    Returns
-    -------
-    float
-        1 - dt/Tc with Tc of table 5; exp(-dt/Tc) is right (E-004-2).
-    """
+    """Return the transition of a Gauss-Markov state as printed: (2), (7), (21), (22)."""
     return 1.0 - dt / PRINTED[channel].flat_time
 
 
 def printed_noise(channel: str, dt: float) -> FloatArray:
-    """Return the entries of the noise covariance of a channel as printed: (26)-(30).
-
-    Parameters
-    ----------
-    channel : str
-        Out of `schuler.data.CHANNELS`.
-    dt : float
-        Step, s.
-
-    Returns
-    -------
-    (3,) ndarray
-        White noise N²/dt (27), Gauss-Markov (28) with (29), random walk K² dt (30): a variance of
-        samples and two of states in one matrix (E-004-6). SI, where the paper's gyros lack the
-        factor from degrees to radians.
-    """
+    """Return the entries of the noise covariance of a channel as printed: (26)-(30)."""
     r = PRINTED[channel]
     sigma = FLICKER_LEVEL * r.bias_instability
     return np.array(
@@ -65,39 +37,13 @@ def printed_noise(channel: str, dt: float) -> FloatArray:
 
 
 def step_covariance(channel: str, dt: float) -> FloatArray:
-    """Return what one step adds to velocity, Gauss-Markov state and random walk: ours.
-
-    Parameters
-    ----------
-    channel : str
-        Out of `schuler.data.CHANNELS`.
-    dt : float
-        Step, s.
-
-    Returns
-    -------
-    (3,) ndarray
-        N² dt, and the variances of the two states' noise.
-    """
+    """Return what one step adds to velocity, Gauss-Markov state and random walk: ours."""
     model = error_model("18AV", PRINTED).noise_model.process(channel).state_space(dt)
     return np.array([model.white_density**2 * dt, *np.diag(model.noise_covariance)])
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Simulate single steps, and one noise for two processes.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 000 steps or a million.
-
-    Returns
-    -------
-    Numbers
-        Variances of steps, Allan deviations with one noise and with two, filters and companions.
-    """
+    """Simulate single steps, and one noise for two processes."""
     rng = generator(seed, PAPER, "matrices")
     n = 200_000 if size == "quick" else 1_000_000
     white, markov, walk = error_model("18AV", PRINTED).noise_model.process(CHANNEL).parts

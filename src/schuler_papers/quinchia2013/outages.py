@@ -45,13 +45,7 @@ LONG = tuple(k for k, p in enumerate(PIECES) if p.duration == 60.0)
 
 @functools.cache
 def drives() -> tuple[tuple[Profile, tuple[tuple[float, float], ...]], ...]:
-    """Return both drives of the paper with their outages, the same for all repetitions.
-
-    Returns
-    -------
-    tuple of (Profile, windows)
-        17.3 min in a town; 15.05 min in a town, on roads and a motorway.
-    """
+    """Return both drives of the paper with their outages, the same for all repetitions."""
     return (
         car_with_set_pieces(1038.0, FIRST, 0),
         car_with_set_pieces(903.0, SECOND, 0, after="country"),
@@ -60,13 +54,7 @@ def drives() -> tuple[tuple[Profile, tuple[tuple[float, float], ...]], ...]:
 
 @functools.cache
 def twins() -> tuple[OutageTwin, ...]:
-    """Return the twins of both drives.
-
-    Returns
-    -------
-    tuple of OutageTwin
-        With turn-on biases of 0.02 m/s² and 0.05 deg/s.
-    """
+    """Return the twins of both drives."""
     return tuple(
         outage_twin(
             profile,
@@ -81,21 +69,7 @@ def twins() -> tuple[OutageTwin, ...]:
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Drive both drives once with new noise, and every error model through the seven outages.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        Length of the static record behind the AR models.
-
-    Returns
-    -------
-    Numbers
-        By model: (7,) largest, mean and last error, claimed deviation at the end, share inside
-        2 sigma; NIS of both drives; errors (7, 60) and, of the first seed, tracks (7, 60, 2).
-    """
+    """Drive both drives once with new noise, and every error model through the seven outages."""
     rng = generator(seed, PAPER, "outages")
     found: dict[str, FloatArray] = {}
     chosen = models(size)
@@ -140,20 +114,7 @@ def _padded(values: FloatArray) -> FloatArray:
 
 
 def run_denoised(seed: int, size: Size) -> Numbers:
-    """Drive both drives once with no error model, and measurements de-noised to 0, 3, 7 levels.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        The same.
-
-    Returns
-    -------
-    Numbers
-        By level: (7,) largest and last errors.
-    """
+    """Drive both drives once with no error model, and measurements de-noised to 0, 3, 7 levels."""
     rng = generator(seed, PAPER, "denoised")
     found: dict[str, list[FloatArray]] = {}
     for drive, child in zip(twins(), rng.spawn(len(twins())), strict=True):
@@ -166,18 +127,7 @@ def run_denoised(seed: int, size: Size) -> Numbers:
 
 
 def path_of(number: int) -> tuple[FloatArray, FloatArray]:
-    """Return a drive as seen from above, for figures 20 and 23.
-
-    Parameters
-    ----------
-    number : int
-        0 or 1.
-
-    Returns
-    -------
-    tuple of (k, 2) ndarray and (k,) ndarray
-        East and north in m every two seconds, and speed in km/h.
-    """
+    """Return a drive as seen from above, for figures 20 and 23."""
     from schuler.earth import ned_from_geodetic
 
     profile, _ = drives()[number]

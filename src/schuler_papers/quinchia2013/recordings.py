@@ -21,23 +21,7 @@ FINGERPRINT = (-2.556, 2.116, -0.560)
 
 
 def run(seed: int, size: Size, folder: Path) -> Numbers:
-    """De-noise the gyros of one record with seven levels and fit AR(1) and AR(3).
-
-    Parameters
-    ----------
-    seed : int
-        Which of the six, from 0.
-    size : {"quick", "full"}
-        The same.
-    folder : Path
-        Measured data.
-
-    Returns
-    -------
-    Numbers
-        By axis: coefficients of AR(3), ratio of the variances, Allan deviation de-noised over raw
-        at 10 s and at 0.2 s.
-    """
+    """De-noise the gyros of one record with seven levels and fit AR(1) and AR(3)."""
     from schuler.io import read_imu
 
     imu = read_imu(folder / FOLDER / f"imu{seed % 6 + 1}.parquet")

@@ -87,37 +87,13 @@ MODELS = ("15AV", "18AV", "18AVWD", "15AR", "27AR", "18AV+turn-on", "flicker4")
 
 
 def scales(channel: str) -> tuple[float, float, float]:
-    """Return what N, B and K of the tables are multiplied by to be in SI.
-
-    Parameters
-    ----------
-    channel : str
-        Out of `schuler.data.CHANNELS`.
-
-    Returns
-    -------
-    tuple of float
-        From per root hour, per hour, per hour and root hour; degrees for gyros.
-    """
+    """Return what N, B and K of the tables are multiplied by to be in SI."""
     unit = float(np.radians(1.0)) if channel.startswith("gyro") else 1.0
     return unit / 60.0, unit / 3600.0, unit / 3600.0**1.5
 
 
 def reading(channel: str, bias_instability: float | None = None) -> AllanReading:
-    """Return what the paper reads off the Allan curve of a channel, in SI.
-
-    Parameters
-    ----------
-    channel : str
-        Which.
-    bias_instability : float, optional
-        Another B, in the unit of the table.
-
-    Returns
-    -------
-    AllanReading
-        Tables 4 and 5.
-    """
+    """Return what the paper reads off the Allan curve of a channel, in SI."""
     n, b, k = TABLE_4[channel]
     per = scales(channel)
     level = b[0] if bias_instability is None else bias_instability
@@ -130,20 +106,7 @@ TRUE = {c: reading(c, TRUE_B.get(c)) for c in CHANNELS}
 
 
 def process(channel: str, *, turn_on: bool = False) -> ProcessSum:
-    """Return the true error of a channel: spec 1.1 and 8.4.
-
-    Parameters
-    ----------
-    channel : str
-        Which.
-    turn_on : bool
-        With the constant at switch-on.
-
-    Returns
-    -------
-    ProcessSum
-        White noise, flicker from 0.05 s to 10 000 s, random walk for the accelerometers.
-    """
+    """Return the true error of a channel: spec 1.1 and 8.4."""
     r = TRUE[channel]
     flicker = BiasInstability(r.bias_instability, 0.05, 1e4)
     parts: list[Process] = [WhiteNoise(r.white_noise), flicker]
@@ -155,72 +118,26 @@ def process(channel: str, *, turn_on: bool = False) -> ProcessSum:
 
 
 def twin(*, turn_on: bool = False) -> NoiseModel:
-    """Return the true errors of all channels.
-
-    Parameters
-    ----------
-    turn_on : bool
-        As for `process`.
-
-    Returns
-    -------
-    NoiseModel
-        The sensor of the twins.
-    """
+    """Return the true errors of all channels."""
     return NoiseModel(
         {c: process(c, turn_on=turn_on) for c in CHANNELS}, source="twin of S004 table 4"
     )
 
 
 def static_record(size: Size, rng: np.random.Generator) -> ImuRecording:
-    """Simulate the static record of the laboratory.
-
-    Parameters
-    ----------
-    size : {"quick", "full"}
-        Two hours, or the seven of the paper.
-    rng : numpy.random.Generator
-        Source of the draw.
-
-    Returns
-    -------
-    ImuRecording
-        At 100 Hz, the turn-on bias taken off as in the paper.
-    """
+    """Simulate the static record of the laboratory."""
     return simulate_static(twin(), HOURS[size] * 3600.0, RATE, rng)
 
 
 @functools.cache
 def fitted(size: Size) -> dict[int, dict[str, Autoregressive]]:
-    """Fit AR(1) and AR(3) as the paper does, to one static record that all repetitions share.
-
-    Parameters
-    ----------
-    size : {"quick", "full"}
-        Length of the record.
-
-    Returns
-    -------
-    dict
-        By order and channel, with all digits.
-    """
+    """Fit AR(1) and AR(3) as the paper does, to one static record that all repetitions share."""
     return autoregressive_fits(static_record(size, generator(0, PAPER, "laboratory")))
 
 
 @functools.cache
 def models(size: Size) -> tuple[ErrorModel, ...]:
-    """Return the error models that are compared.
-
-    Parameters
-    ----------
-    size : {"quick", "full"}
-        Length of the static record behind the AR models.
-
-    Returns
-    -------
-    tuple of ErrorModel
-        In the order of `MODELS`.
-    """
+    """Return the error models that are compared."""
     order = {"15AR": 1, "27AR": 3}
     return tuple(
         error_model(
@@ -233,18 +150,7 @@ def models(size: Size) -> tuple[ErrorModel, ...]:
 
 
 def bare(level: int) -> ErrorModel:
-    """Return the filter of table 6: no error model, measurements de-noised to some level.
-
-    Parameters
-    ----------
-    level : int
-        Levels of decomposition, one less for the accelerometers y and z; 0: none.
-
-    Returns
-    -------
-    ErrorModel
-        Nine states and white noise.
-    """
+    """Return the filter of table 6: no error model, measurements de-noised to some level."""
     from schuler.navigation.error_models.sensor_denoising import SensorDenoising
 
     white = {c: WhiteNoise(r.white_noise) for c, r in PRINTED.items()}

@@ -50,20 +50,7 @@ _SHOWN = 160
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Simulate the static record and read everything off it that the paper reads.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        Two hours or seven.
-
-    Returns
-    -------
-    Numbers
-        Fits by channel and method, AR models, curves thinned.
-    """
+    """Simulate the static record and read everything off it that the paper reads."""
     rng = generator(seed, PAPER, "static")
     record = static_record(size, rng)
     found: dict[str, FloatArray | float] = {}
@@ -124,21 +111,7 @@ def _figure_17(signal: FloatArray) -> dict[str, FloatArray | float]:
 
 
 def run_correlation(seed: int, size: Size) -> Numbers:
-    """Record white noise and slow bias through the device's filter, and correlate it.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        Ten minutes or forty.
-
-    Returns
-    -------
-    Numbers
-        Autocorrelations raw (through fifteen taps at 1 kHz) and after de-noising; standard
-        deviations through the filter.
-    """
+    """Record white noise and slow bias through the device's filter, and correlate it."""
     rng = generator(seed, PAPER, "correlation")
     n = 600_000 if size == "quick" else 2_400_000
     found: dict[str, FloatArray | float] = {}
@@ -237,21 +210,7 @@ def caption_of_table_2(results: Results, size: Size) -> Outcome:
 
 
 def parameters(results: Results, method: str) -> dict[tuple[str, str], tuple[FloatArray, float]]:
-    """Return N, B, K of every channel over all repetitions, with the true value.
-
-    Parameters
-    ----------
-    results : sequence of Numbers
-        Of `run`.
-    method : str
-        "allan" or "psd".
-
-    Returns
-    -------
-    dict
-        By channel and letter: (repetitions, 2) values and standard errors; the truth; in the
-        units of the tables.
-    """
+    """Return N, B, K of every channel over all repetitions, with the true value."""
     found = {}
     for channel in CHANNELS:
         values = stacked(results, f"{channel}:{method}")
@@ -567,18 +526,7 @@ def _words(part: Process) -> str:
 
 
 def coverage(results: Results) -> Estimate:
-    """Return the share of Allan parameters whose 95 % interval holds the truth.
-
-    Parameters
-    ----------
-    results : sequence of Numbers
-        Of `run`.
-
-    Returns
-    -------
-    Estimate
-        Over all channels and parameters.
-    """
+    """Return the share of Allan parameters whose 95 % interval holds the truth."""
     inside = [
         np.abs(values[:, 0] - truth) < 1.96 * values[:, 1]
         for values, truth in parameters(results, "allan").values()

@@ -47,18 +47,7 @@ EQUATION_29 = (2.25, -1.2, -0.67, 1.02, -0.26, -0.51, 0.62, -0.32, 0.08)
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Compute what the printed numbers imply.
-
-    Parameters
-    ----------
-    seed, size
-        Nothing is random here.
-
-    Returns
-    -------
-    Numbers
-        Positions, roots, bands, floors.
-    """
+    """Compute what the printed numbers imply."""
     accel = [
         position_error_of_accel_bias(math.sqrt(m), HOUR) for _, m, _ in POSITIONS["accelerometer"]
     ]

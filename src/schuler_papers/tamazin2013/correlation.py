@@ -30,20 +30,7 @@ _SHOWN = 60
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Correlate a Gauss-Markov noise and a mixture of two, two hours long.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        Two hours or ten.
-
-    Returns
-    -------
-    Numbers
-        Autocorrelations, fits of one exponential, tests of its shape.
-    """
+    """Correlate a Gauss-Markov noise and a mixture of two, two hours long."""
     rng = generator(seed, PAPER, "correlation")
     samples = round((2.0 if size == "quick" else 10.0) * 3600.0 * LAG_RATE)
     single = GaussMarkov(SIGMA, CORRELATION_TIME).simulate(samples, 1.0 / LAG_RATE, rng)
@@ -68,22 +55,7 @@ def _correlated(name: str, signal: FloatArray, rate: float) -> Numbers:
 
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
-    """Correlate the y accelerometer of one of six static ADIS16405 recordings.
-
-    Parameters
-    ----------
-    seed : int
-        Which of the six, from 0.
-    size : {"quick", "full"}
-        The same.
-    folder : Path
-        Measured data.
-
-    Returns
-    -------
-    Numbers
-        As of the twin's mixture.
-    """
+    """Correlate the y accelerometer of one of six static ADIS16405 recordings."""
     from schuler.io import read_imu
 
     imu = read_imu(folder / "adis16405-static" / f"imu{seed % 6 + 1}.parquet")
@@ -187,20 +159,7 @@ def figure_2_recording(results: Results, size: Size) -> Outcome:
 
 
 def run_signal(seed: int, size: Size) -> Numbers:
-    """Draw the signals of figure 5.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        10 min or the paper's hour.
-
-    Returns
-    -------
-    Numbers
-        Standard deviations, Allan deviations, extremes of short stretches.
-    """
+    """Draw the signals of figure 5."""
     rng = generator(seed, PAPER, "signal")
     samples = 120_000 if size == "quick" else 720_000
     found: Numbers = {}

@@ -30,20 +30,7 @@ TERMS = {((1,), (0,)), ((1, 3), (1, 1))}
 
 
 def run_long(seed: int, size: Size) -> Numbers:
-    """Fit AR(3) with poles near one by all methods, and whiten by lattice and direct form.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        Nearly the same.
-
-    Returns
-    -------
-    Numbers
-        Coefficients, differences.
-    """
+    """Fit AR(3) with poles near one by all methods, and whiten by lattice and direct form."""
     rng = generator(seed, PAPER, "lattice")
     samples = 50_000 if size == "quick" else 200_000
     noise = rng.standard_normal(samples + 20_000)
@@ -148,20 +135,7 @@ def energies(results: Results, size: Size) -> Outcome:
 
 
 def run_short(seed: int, size: Size) -> Numbers:
-    """Count unstable models of many short records.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        60 or 300 records.
-
-    Returns
-    -------
-    Numbers
-        Shares by method.
-    """
+    """Count unstable models of many short records."""
     rng = generator(seed, PAPER, "short-records")
     records = 60 if size == "quick" else 300
     bad = dict.fromkeys(AR_METHODS, 0)
@@ -206,20 +180,7 @@ def stability(results: Results, size: Size) -> Outcome:
 
 
 def run_sparse(seed: int, size: Size) -> Numbers:
-    """Search for two true terms among 54 candidates, many times; and for an epsilon.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        10 or 20 series.
-
-    Returns
-    -------
-    Numbers
-        Shares of exact models.
-    """
+    """Search for two true terms among 54 candidates, many times; and for an epsilon."""
     rng = generator(seed, PAPER, "sparse")
     runs = 10 if size == "quick" else 20
     exact: dict[Stopping, int] = {"family-wise": 0, "single": 0}

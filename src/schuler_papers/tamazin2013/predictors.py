@@ -84,58 +84,17 @@ GYRO = Sensor(
 
 
 def run_accelerometer(seed: int, size: Size) -> Numbers:
-    """Compare predictors on a twin of the accelerometer.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        10 min or the paper's hour.
-
-    Returns
-    -------
-    Numbers
-        Errors in the unit of table 1.
-    """
+    """Compare predictors on a twin of the accelerometer."""
     return _run_twin(ACCELEROMETER, seed, size)
 
 
 def run_gyro(seed: int, size: Size) -> Numbers:
-    """Compare predictors on a twin of the gyro.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        10 min or the paper's hour.
-
-    Returns
-    -------
-    Numbers
-        Errors in the unit of table 2.
-    """
+    """Compare predictors on a twin of the gyro."""
     return _run_twin(GYRO, seed, size)
 
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
-    """Compare predictors on the y accelerometer of the six static ADIS16405 recordings.
-
-    Parameters
-    ----------
-    seed : int
-        Which of the six, from 0.
-    size : {"quick", "full"}
-        20 min or an hour.
-    folder : Path
-        Measured data.
-
-    Returns
-    -------
-    Numbers
-        Errors in (m/s²)².
-    """
+    """Compare predictors on the y accelerometer of the six static ADIS16405 recordings."""
     from schuler.io import read_imu
 
     imu = read_imu(folder / "adis16405-static" / f"imu{seed % 6 + 1}.parquet")

@@ -50,20 +50,7 @@ GRADES: dict[Receiver, GnssGrade] = {"L1": L1_CODE, "L1/L2": RTK_FIXED}
 
 
 def mti(bias: float = 1.0, gyro_time: float = GYRO_TIME) -> NoiseModel:
-    """Return the noise of one of the paper's MTi.
-
-    Parameters
-    ----------
-    bias : float
-        Factor on the biases.
-    gyro_time : float
-        Correlation time of the gyros' biases, s.
-
-    Returns
-    -------
-    NoiseModel
-        White noise and one Gauss-Markov bias an axis.
-    """
+    """Return the noise of one of the paper's MTi."""
     gyro = WhiteNoise(GYRO_SD / np.sqrt(RATE)) + GaussMarkov(bias * GYRO_BIAS, gyro_time)
     accel = WhiteNoise(ACCEL_SD / np.sqrt(RATE)) + GaussMarkov(bias * ACCEL_BIAS, ACCEL_TIME)
     return NoiseModel(

@@ -19,18 +19,7 @@ TABLE_4 = {"synthetic": (0.0103, 0.0156, 0.0262), "weighted": (0.0088, 0.0104, 0
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Compute what the printed numbers imply.
-
-    Parameters
-    ----------
-    seed, size
-        Nothing is random here.
-
-    Returns
-    -------
-    Numbers
-        Ratios, roots, variances.
-    """
+    """Compute what the printed numbers imply."""
     parts = arma_to_gauss_markov_sum(TABLE_1).components
     markov = [p for p in parts if isinstance(p, GaussMarkov)]
     white = next(p for p in parts if isinstance(p, WhiteNoise))

@@ -18,22 +18,7 @@ TOP_SIDE, BOTTOM_SIDE = np.eye(3), np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0],
 
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
-    """Fuse two, four and eight gyros of the MIMU board at rest.
-
-    Parameters
-    ----------
-    seed : int
-        Which of the three runs, from 0.
-    size : {"quick", "full"}
-        The same.
-    folder : Path
-        Measured data.
-
-    Returns
-    -------
-    Numbers
-        Deviations of single gyros and of synthetic ones.
-    """
+    """Fuse two, four and eight gyros of the MIMU board at rest."""
     from schuler.arrays.read import read_array
 
     name = ("run1", "run4", "run7")[seed % 3]
@@ -65,18 +50,7 @@ def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
 
 
 def still_part(array: ImuArray) -> tuple[float, float]:
-    """Return the longest part of an array recording at which nothing turned.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Any.
-
-    Returns
-    -------
-    (float, float)
-        First and last time, s.
-    """
+    """Return the longest part of an array recording at which nothing turned."""
     gyro = array.gyro[:, 0]
     step = max(round(0.5 * array.rate), 1)
     blocks = gyro[: gyro.shape[0] // step * step].reshape(-1, step, 3)

@@ -37,18 +37,7 @@ WINDOWS = (5, 25, 50, 125)
 
 
 def gyros_at_rest(noise: FloatArray) -> ImuArray:
-    """Return an array of aligned IMUs whose gyros measured noise alone.
-
-    Parameters
-    ----------
-    noise : (n, k, 3) ndarray
-        rad/s.
-
-    Returns
-    -------
-    ImuArray
-        Without accelerometers.
-    """
+    """Return an array of aligned IMUs whose gyros measured noise alone."""
     n, k = noise.shape[:2]
     stamps = np.arange(n) / RATE
     return ImuArray(stamps, noise, np.full(noise.shape, np.nan), Mounting.aligned(k))
@@ -67,20 +56,7 @@ def _fused(noise: FloatArray, weights: Weights, *, keep_biases: bool = False) ->
 
 
 def run_noise(seed: int, size: Size) -> Numbers:
-    """Fuse four gyros of unequal noise, one of them biased, with equal and with other weights.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 s or ten minutes.
-
-    Returns
-    -------
-    Numbers
-        Deviations, biases, quantiles of the errors.
-    """
+    """Fuse four gyros of unequal noise, one of them biased, with equal and with other weights."""
     rng = generator(seed, PAPER, "noise")
     n = 20_000 if size == "quick" else 60_000
     unit = rng.standard_normal((n, 4, 3))
@@ -133,20 +109,7 @@ def run_noise(seed: int, size: Size) -> Numbers:
 
 
 def run_weights(seed: int, size: Size) -> Numbers:
-    """Weights when one sensor is 10 times as noisy: seen in the residuals, and unmixed.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 s or ten minutes.
-
-    Returns
-    -------
-    Numbers
-        Variances in units of a good sensor's.
-    """
+    """Weights when one sensor is 10 times as noisy: seen in the residuals, and unmixed."""
     rng = generator(seed, PAPER, "weights")
     n = 20_000 if size == "quick" else 60_000
     sigma = np.array([10.0, 1.0, 1.0, 1.0])
@@ -175,20 +138,7 @@ def run_weights(seed: int, size: Size) -> Numbers:
 
 
 def run_volatility(seed: int, size: Size) -> Numbers:
-    """Averaged volatilities of constant noise and of a step, against residuals and errors.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 s or ten minutes.
-
-    Returns
-    -------
-    Numbers
-        Means and scatter by window, ratios, lags.
-    """
+    """Averaged volatilities of constant noise and of a step, against residuals and errors."""
     rng = generator(seed, PAPER, "volatility")
     n = 20_000 if size == "quick" else 60_000
     vectors = rng.standard_normal((n, 4, 3))
@@ -244,20 +194,7 @@ def run_volatility(seed: int, size: Size) -> Numbers:
 
 
 def run_table_4(seed: int, size: Size) -> Numbers:
-    """Disturb one axis by a sin(6 pi t/t_max) N(0, s_1²) and fuse with several weights.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 s or ten minutes.
-
-    Returns
-    -------
-    Numbers
-        Deviations on the disturbed axis by method and factor.
-    """
+    """Disturb one axis by a sin(6 pi t/t_max) N(0, s_1²) and fuse with several weights."""
     rng = generator(seed, PAPER, "table-4")
     n = 20_000 if size == "quick" else 60_000
     noise = TABLE_4_SIGMAS[:, None] * rng.standard_normal((n, 4, 3))
@@ -280,20 +217,7 @@ def run_table_4(seed: int, size: Size) -> Numbers:
 
 
 def run_one_varies(seed: int, size: Size) -> Numbers:
-    """Let one gyro of four vary by Table 2's GARCH, and see whose variance each method shows.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 s or ten minutes.
-
-    Returns
-    -------
-    Numbers
-        Correlations with the truth, losses, CPU times, and what one per cent of outliers does.
-    """
+    """Let one gyro of four vary by Table 2's GARCH, and see whose variance each method shows."""
     rng = generator(seed, PAPER, "one-varies")
     n = 20_000 if size == "quick" else 60_000
     noise = 0.0146 * rng.standard_normal((n, 4, 3))

@@ -49,20 +49,7 @@ TAUS = np.geomspace(0.1, 30.0, 12)
 
 
 def run_arma(seed: int, size: Size) -> Numbers:
-    """Fit Table 1's ARMA(2,2) with independent Gaussian innovations.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        The same length: ten minutes at 100 Hz.
-
-    Returns
-    -------
-    Numbers
-        Estimates, errors, tests.
-    """
+    """Fit Table 1's ARMA(2,2) with independent Gaussian innovations."""
     rng = generator(seed, PAPER, "arma")
     fit = fit_arma(SIGMA * TABLE_1.simulate(SAMPLES, 1.0 / RATE, rng), 2, 2, rate=RATE)
     values = np.array([fit.values[name] for name in PARAMETERS])
@@ -83,20 +70,7 @@ def run_arma(seed: int, size: Size) -> Numbers:
 
 
 def run_order(seed: int, size: Size) -> Numbers:
-    """Choose the orders of Table 1's ARMA by AIC and by BIC.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        200 s with orders up to 3, or ten minutes with orders up to 4.
-
-    Returns
-    -------
-    Numbers
-        Orders.
-    """
+    """Choose the orders of Table 1's ARMA by AIC and by BIC."""
     rng = generator(seed, PAPER, "order")
     quick = size == "quick"
     signal = SIGMA * TABLE_1.simulate(20_000 if quick else SAMPLES, 1.0 / RATE, rng)
@@ -108,20 +82,7 @@ def run_order(seed: int, size: Size) -> Numbers:
 
 
 def run_garch(seed: int, size: Size) -> Numbers:
-    """Fit ARMA(2,2) with GARCH(1,1) innovations of Tables 1 and 2 together.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        The same length: ten minutes at 100 Hz.
-
-    Returns
-    -------
-    Numbers
-        Estimates, tests before and after, correlations with bands, volatilities.
-    """
+    """Fit ARMA(2,2) with GARCH(1,1) innovations of Tables 1 and 2 together."""
     rng = generator(seed, PAPER, "garch")
     e, variance = simulate_garch(SAMPLES + 1000, *TABLE_2, rng)
     x, true = TABLE_1.respond_to(e)[1000:], variance[1000:]
@@ -129,22 +90,7 @@ def run_garch(seed: int, size: Size) -> Numbers:
 
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
-    """Fit ARMA and GARCH to the x gyro of one of six static ADIS16405 recordings.
-
-    Parameters
-    ----------
-    seed : int
-        Which of the six, from 0.
-    size : {"quick", "full"}
-        The same: ten minutes.
-    folder : Path
-        Measured data.
-
-    Returns
-    -------
-    Numbers
-        As for the twin, without a true variance.
-    """
+    """Fit ARMA and GARCH to the x gyro of one of six static ADIS16405 recordings."""
     from schuler.io import read_imu
 
     imu = read_imu(folder / "adis16405-static" / f"imu{seed % 6 + 1}.parquet")
@@ -216,20 +162,7 @@ def _chained(x: FloatArray, true: FloatArray | None) -> Numbers:
 
 
 def run_tests(seed: int, size: Size) -> Numbers:
-    """Sizes and powers of the tests that the paper relies on.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition.
-    size : {"quick", "full"}
-        20 or 50 series in each repetition.
-
-    Returns
-    -------
-    Numbers
-        Shares of rejections; what an order too low still fulfils.
-    """
+    """Sizes and powers of the tests that the paper relies on."""
     rng = generator(seed, PAPER, "tests")
     runs = 20 if size == "quick" else 50
     level = power = white = 0

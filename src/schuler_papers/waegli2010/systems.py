@@ -52,20 +52,7 @@ def _mems(bias: float, white: float) -> NoiseModel:
 
 
 def run(seed: int, size: Size) -> Numbers:
-    """Ride a motorcycle with four IMUs of unequal quality through outages, in five ways.
-
-    Parameters
-    ----------
-    seed : int
-        Repetition; also the ride.
-    size : {"quick", "full"}
-        One outage of 15 s, or three.
-
-    Returns
-    -------
-    Numbers
-        Largest errors and claimed standard deviations by mechanization and outage.
-    """
+    """Ride a motorcycle with four IMUs of unequal quality through outages, in five ways."""
     rng = generator(seed, PAPER, "systems")
     starts = (100.0,) if size == "quick" else (100.0, 160.0, 220.0)
     profile = motorcycle(starts[-1] + OUTAGE + 20.0, rng, standstill=STANDSTILL)

@@ -67,20 +67,7 @@ class AccelerometerFit:
 
 
 def arm_matrix(rate: FloatArray, angular_acceleration: FloatArray) -> FloatArray:
-    """Return what turns a lever arm into the specific force that rotation adds at its end.
-
-    Parameters
-    ----------
-    rate : (n, 3) ndarray
-        Rate of the body, rad/s.
-    angular_acceleration : (n, 3) ndarray
-        rad/s².
-
-    Returns
-    -------
-    (n, 3, 3) ndarray
-        [dw/dt x] + [w x][w x], 1/s². Source: spec 1.4.
-    """
+    """Return what turns a lever arm into the specific force that rotation adds at its end."""
     cross = skew(rate)
     return np.asarray(skew(angular_acceleration) + cross @ cross)
 
@@ -98,43 +85,7 @@ def fit_accelerometers(
     model: str = "matrix",
     mean_sensor: FloatArray | None = None,
 ) -> AccelerometerFit:
-    """Fit what every accelerometer triad shows of the mean force of all, and where it sits.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps, s.
-    accel : (n, k, 3) ndarray
-        Specific force in each IMU's axes, m/s²; NaN where missing.
-    start : (k, 3, 3) ndarray
-        C_bs to which everything is a small correction, from the gyros.
-    rate, angular_acceleration : (n, 3) ndarray
-        Of the body, from the gyros, rad/s and rad/s².
-    relative_delay : (n, k) ndarray
-        Delays less their mean, s.
-    position : (k, 3) ndarray
-        Lever arms declared, m: taken off before anything is fitted, and refined last.
-    rests : Rests
-        When the array stood still.
-    model : {"matrix", "rotation"}
-        All nine elements; or none, the turns of the gyros being taken for the accelerometers,
-        where forces vary too little.
-    mean_sensor : (3, 3) ndarray, optional
-        What the sensors show of the force on the mean, where gravity has told it (`fit_poses`); one
-        if not given. Lever arms come out wrong by the share that it is off.
-
-    Returns
-    -------
-    AccelerometerFit
-        By r = E f + b + T l - d df/dt for the turned reading minus the mean f of all: rests
-        averaged, motion with noise that follows rotation. The mean lever arm stays what was
-        declared.
-
-    Raises
-    ------
-    EstimationError
-        Fewer than fifty rows.
-    """
+    """Fit what every accelerometer triad shows of the mean force of all, and where it sits."""
     k = accel.shape[1]
     turned = np.einsum("kij,nkj->nki", start, accel)
     arms = position - position.mean(axis=0)

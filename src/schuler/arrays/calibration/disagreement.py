@@ -55,30 +55,7 @@ def measure_disagreement(
     moving: float = MOVING,
     limits: tuple[float, ...] = LIMITS,
 ) -> tuple[Disagreement, ...]:
-    """Measure disagreement at rest and in classes of motion.
-
-    Parameters
-    ----------
-    residual : (n, k, 3) ndarray
-        Every sensor minus the mean of all, rad/s or m/s²; NaN where one is missing.
-    rate : (n, 3) ndarray
-        Mean rate of the body, rad/s.
-    rests : Rests
-        When the array stood still.
-    quantity : {"gyro", "accel"}
-        Which sensors.
-    moving : float
-        Mean rate from which a row counts as motion, rad/s.
-    limits : tuple of float
-        Mean rates up to which motion is taken, rad/s; then all of it.
-
-    Returns
-    -------
-    tuple of Disagreement
-        At rest, up to each limit (each holds the ones before), and all motion. A row counts
-        where every sensor is there. Classes without rows, or that hold nothing more than the
-        class before, are left out.
-    """
+    """Measure disagreement at rest and in classes of motion."""
     whole = np.isfinite(residual).all(axis=(1, 2))
     speed = np.linalg.norm(rate, axis=1)
     found = []

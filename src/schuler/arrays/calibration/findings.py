@@ -29,24 +29,7 @@ def findings_of(
     saturated: NDArray[np.int64],
     stuck: NDArray[np.int64],
 ) -> tuple[str, ...]:
-    """Say what was seen, what was not, and what that means.
-
-    Parameters
-    ----------
-    array : ImuArray
-        As recorded.
-    gyros, forces, poses, turns
-        What was fitted.
-    rests : Rests
-        When the array stood still.
-    saturated, stuck : (k, 2) ndarray of int
-        Rows lost around saturated samples and to stuck values, by IMU; gyros and accelerometers.
-
-    Returns
-    -------
-    tuple of str
-        Sentences without a full stop, most important first.
-    """
+    """Say what was seen, what was not, and what that means."""
     said = [
         f"there was no rotation about the body's axis {_axis(axis)}: what the gyros make of rates "
         "about it, and turns about the others, are not seen"

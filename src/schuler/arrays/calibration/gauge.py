@@ -21,29 +21,7 @@ THINNED = 20_000
 
 
 def start_rotations(rates: FloatArray, declared: FloatArray) -> FloatArray:
-    """Return how the IMUs are mounted, roughly.
-
-    Parameters
-    ----------
-    rates : (n, k, 3) ndarray
-        Of each IMU in its own axes, rad/s.
-    declared : (k, 3, 3) ndarray
-        The mounting that was declared, C_bs.
-
-    Returns
-    -------
-    (k, 3, 3) ndarray
-        The declared rotations where the rates agree with all of them. Otherwise the turns into
-        the axes of the first IMU as its declared mounting has them, snapped to quarter turns
-        where they are close to such.
-
-    Raises
-    ------
-    EstimationError
-        Too few rows in common, or no rotation to see.
-    InputError
-        Left-handed axes.
-    """
+    """Return how the IMUs are mounted, roughly."""
     thin = max(1, rates.shape[0] // THINNED)
     speed = np.nan_to_num(np.linalg.norm(rates, axis=2)).mean(axis=1)
     chosen = np.argsort(-speed)[: max(rates.shape[0] // thin, 10)]
@@ -74,19 +52,6 @@ def _snapped(rotation: FloatArray) -> FloatArray:
 
 
 def to_mean(rotations: FloatArray, start: FloatArray) -> FloatArray:
-    """Turn all rotations alike, so that they average to those of the start.
-
-    Parameters
-    ----------
-    rotations : (k, 3, 3) ndarray
-        C_bs in any common axes close to the body's.
-    start : (k, 3, 3) ndarray
-        C_bs to which they are small corrections.
-
-    Returns
-    -------
-    (k, 3, 3) ndarray
-        The rotation vectors of C_bs start' average to zero, to second order.
-    """
+    """Turn all rotations alike, so that they average to those of the start."""
     small = rotation_vector_from_dcm(rotations @ np.swapaxes(start, 1, 2))
     return np.asarray(dcm_from_rotation_vector(-small.mean(axis=0)) @ rotations)

@@ -90,20 +90,7 @@ class GyroFit:
 
 
 def rest_biases(values: FloatArray, rests: Rests) -> tuple[FloatArray, FloatArray]:
-    """Return the mean reading at rest, from the medians of the rests.
-
-    Parameters
-    ----------
-    values : (n, k, 3) ndarray
-        Readings; NaN where missing.
-    rests : Rests
-        At least one.
-
-    Returns
-    -------
-    mean, deviation : (k, 3) ndarray
-        Median over the rests, and its standard deviation by how they scatter.
-    """
+    """Return the mean reading at rest, from the medians of the rests."""
     means = np.array(
         [np.nanmean(values[rests.pose == p], axis=0) for p in range(rests.count)
          if np.isfinite(values[rests.pose == p]).any(axis=0).all()]
@@ -131,40 +118,7 @@ def fit_gyros(
     timing: Timing = "auto",
     period: float | None = None,
 ) -> GyroFit:
-    """Fit what every gyro triad shows of the mean rate of all.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps, s.
-    gyro : (n, k, 3) ndarray
-        Rates in each IMU's axes, rad/s; NaN where missing or saturated.
-    declared : (k, 3, 3) ndarray
-        The mounting that was declared, C_bs.
-    rests : Rests
-        When the array stood still; none is no harm.
-    model : {"matrix", "rotation"}
-        All nine elements (turn, scale, misalignment, cross-axis sensitivity), or the turn alone.
-    timing : {"auto", "none", "constant", "polled"}
-        Delays between the sensors: none, one constant for each, or sawtooths of polled chips;
-        "auto" takes the sawtooth where it is seen, a constant elsewhere.
-    period : float, optional
-        Internal sampling period of polled chips, s.
-
-    Returns
-    -------
-    GyroFit
-        By r = E w + b - d dw/dt for the turned reading minus the mean w of all, robustly, with
-        noise that follows the angular acceleration. Noise does not bias it: that of the
-        residual and that of the mean are uncorrelated.
-
-    Raises
-    ------
-    EstimationError
-        Too little motion.
-    InputError
-        Left-handed axes.
-    """
+    """Fit what every gyro triad shows of the mean rate of all."""
     k = gyro.shape[1]
     from_rest = rests.count > 0
     start = start_rotations(gyro, declared)

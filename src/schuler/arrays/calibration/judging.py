@@ -21,22 +21,7 @@ from schuler.types import FloatArray
 
 
 def mean_slope(array: ImuArray, correction: FloatArray, bias: FloatArray) -> FloatArray:
-    """Return the derivative of the mean rate, from samples that are not saturated themselves.
-
-    Parameters
-    ----------
-    array : ImuArray
-        As recorded, without a margin around saturated samples.
-    correction : (k, 3, 3) ndarray
-        From a reading less its bias to the body.
-    bias : (k, 3) ndarray
-        rad/s.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        rad/s²; NaN where too few neighbours are there.
-    """
+    """Return the derivative of the mean rate, from samples that are not saturated themselves."""
     masked, _ = mask_saturated(array, margin=0)
     body = np.einsum("kij,nkj->nki", correction, masked.gyro - bias)
     return rate_of_change(array.time, np.asarray(body.mean(axis=1)))
@@ -45,28 +30,7 @@ def mean_slope(array: ImuArray, correction: FloatArray, bias: FloatArray) -> Flo
 def track_phases(
     calibration: ArrayCalibration, array: ImuArray, *, margin: int = MARGIN
 ) -> PollingTrack | None:
-    """Track the sampling phases of polled chips in a recording.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs, from another or the same recording.
-    array : ImuArray
-        The recording.
-    margin : int
-        Samples around saturated ones that are not used either.
-
-    Returns
-    -------
-    PollingTrack or None
-        Found from this recording alone, with the period of the calibration; None where the chips
-        are read in step.
-
-    Raises
-    ------
-    InputError
-        Another number of IMUs.
-    """
+    """Track the sampling phases of polled chips in a recording."""
     if calibration.period is None:
         return None
     body = replace(calibration, delay=np.zeros(calibration.count)).apply(
@@ -79,26 +43,7 @@ def track_phases(
 
 
 def with_biases_at_rest(calibration: ArrayCalibration, array: ImuArray) -> ArrayCalibration:
-    """Return the calibration with the biases that a recording shows at rest.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs.
-    array : ImuArray
-        With rests. Biases change from switching on to switching on; axes, scale and lever arms do
-        not.
-
-    Returns
-    -------
-    ArrayCalibration
-        Gyros: the median reading at rest. Accelerometers: the differences from the mean at rest.
-
-    Raises
-    ------
-    EstimationError
-        Nowhere at rest.
-    """
+    """Return the calibration with the biases that a recording shows at rest."""
     rests = find_rests(array)
     if rests.count == 0:
         raise EstimationError(
@@ -122,25 +67,7 @@ def with_biases_at_rest(calibration: ArrayCalibration, array: ImuArray) -> Array
 
 
 def calibrated_biases(calibration: ArrayCalibration, array: ImuArray) -> ArrayCalibration:
-    """Return the calibration with a recording's own biases, where it has rests to show them.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs.
-    array : ImuArray
-        The recording.
-
-    Returns
-    -------
-    ArrayCalibration
-        As `with_biases_at_rest`; unchanged where the array is nowhere at rest.
-
-    Raises
-    ------
-    InputError
-        Another number of IMUs.
-    """
+    """Return the calibration with a recording's own biases, where it has rests to show them."""
     calibration.check_fits(array)
     if find_rests(array).count == 0:
         return calibration
@@ -148,27 +75,7 @@ def calibrated_biases(calibration: ArrayCalibration, array: ImuArray) -> ArrayCa
 
 
 def with_own_delays(calibration: ArrayCalibration, array: ImuArray) -> ArrayCalibration:
-    """Return the calibration with the constant delays of a recording itself.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs.
-    array : ImuArray
-        The recording. IMUs that are read in step keep their delays while a recording lasts, and
-        start anew with the next.
-
-    Returns
-    -------
-    ArrayCalibration
-        Unchanged where the chips are polled, where it has no delays, or where there is too little
-        motion to find them.
-
-    Raises
-    ------
-    InputError
-        Another number of IMUs.
-    """
+    """Return the calibration with the constant delays of a recording itself."""
     calibration.check_fits(array)
     if calibration.period is not None or not np.any(calibration.delay):
         return calibration
@@ -189,30 +96,7 @@ def disagreement_after(
     *,
     sharpen: bool = False,
 ) -> tuple[Disagreement, ...]:
-    """Measure how far the calibrated sensors of a recording are apart.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs.
-    array : ImuArray
-        In the sensors' own axes, saturated samples masked with their margin.
-    track : PollingTrack, optional
-        Sampling phases of this recording.
-    rests : Rests, optional
-        Found if not given.
-    slope : (n, 3) ndarray, optional
-        Derivative of the mean rate (`mean_slope`); from the array itself if not given.
-    sharpen : bool
-        Use the derivative that the polled chips show themselves (`sharpened_slope`): it takes
-        three numbers from each sample's 3 (k - 1).
-
-    Returns
-    -------
-    tuple of Disagreement
-        Gyros, then accelerometers (with lever arms taken off), each component minus the mean of
-        all sensors, at rest and in classes of the mean rate.
-    """
+    """Measure how far the calibrated sensors of a recording are apart."""
     rests = find_rests(array) if rests is None else rests
     gyro, accel, rate = residuals_after(calibration, array, track, slope, sharpen=sharpen)
     found = measure_disagreement(gyro, rate, rests, "gyro")
@@ -229,20 +113,7 @@ def residuals_after(
     *,
     sharpen: bool = False,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return every calibrated sensor minus the mean of all, and the mean rate.
-
-    Parameters
-    ----------
-    calibration, array, track, slope, sharpen
-        As in `disagreement_after`.
-
-    Returns
-    -------
-    gyro, accel : (n, k, 3) ndarray
-        rad/s and m/s².
-    rate : (n, 3) ndarray
-        rad/s.
-    """
+    """Return every calibrated sensor minus the mean of all, and the mean rate."""
     body = calibration.apply(array) if track is None else replace(
         calibration, delay=np.zeros(calibration.count)
     ).apply(array)  # fmt: skip
@@ -265,23 +136,7 @@ def residuals_after(
 def nominal_disagreement(
     calibration: ArrayCalibration, array: ImuArray, rests: Rests | None = None
 ) -> tuple[Disagreement, ...]:
-    """Measure how far the sensors are apart by their nominal mounting alone.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Tells the nominal mounting, and the mean rate by which motion is classed.
-    array : ImuArray
-        In the sensors' own axes, saturated samples masked with their margin.
-    rests : Rests, optional
-        Found if not given.
-
-    Returns
-    -------
-    tuple of Disagreement
-        As `disagreement_after`, with nothing corrected but constant differences (those at rest
-        where there are rests).
-    """
+    """Measure how far the sensors are apart by their nominal mounting alone."""
     rests = find_rests(array) if rests is None else rests
     values = []
     for sensors in (array.gyro, array.accel):
@@ -299,18 +154,7 @@ def nominal_disagreement(
 
 
 def level_of(residual: FloatArray) -> FloatArray:
-    """Return the median of each sensor over the rows, (k, 3); zero where it has no values.
-
-    Parameters
-    ----------
-    residual : (n, k, 3) ndarray
-        NaN where missing.
-
-    Returns
-    -------
-    (k, 3) ndarray
-        Same unit.
-    """
+    """Return the median of each sensor over the rows, (k, 3); zero where it has no values."""
     level = np.zeros(residual.shape[1:])
     known = np.isfinite(residual).any(axis=0)
     level[known] = np.nanmedian(residual[:, known], axis=0)

@@ -46,21 +46,7 @@ class PoseFit:
 
 
 def fit_poses(mean_force: FloatArray, gravity: float = STANDARD_GRAVITY) -> PoseFit | None:
-    """Find the linear map that makes all static readings as long as gravity.
-
-    Parameters
-    ----------
-    mean_force : (p, 3) ndarray
-        Mean reading in each pose, in the body, m/s².
-    gravity : float
-        Local gravity, m/s².
-
-    Returns
-    -------
-    PoseFit or None
-        By Gauss-Newton on |H (f - h)| - g, H symmetric: a turn of the whole is not seen by
-        lengths. None with fewer than twelve poses, or directions that do not determine it.
-    """
+    """Find the linear map that makes all static readings as long as gravity."""
     f = np.asarray(mean_force, dtype=np.float64)
     if f.shape[0] < LEAST:
         return None

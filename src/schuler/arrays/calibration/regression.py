@@ -53,27 +53,7 @@ def regress_vectors(
     cluster: NDArray[np.int64],
     prior_sd: FloatArray,
 ) -> VectorFit:
-    """Fit vectors by least squares with Tukey's biweight and a weak prior around zero.
-
-    Parameters
-    ----------
-    design : (m, 3, p) ndarray
-        What each coefficient adds to the components.
-    target : (m, 3) ndarray
-        Vectors.
-    noise : (m,) ndarray
-        Standard deviation of a component of each, up to a common factor, which is found.
-    cluster : (m,) ndarray of int
-        Residuals of one cluster may be correlated, those of different clusters are not.
-    prior_sd : (p,) ndarray
-        Standard deviations of the coefficients beforehand: what the data do not see stays near
-        zero, with this as its error.
-
-    Returns
-    -------
-    VectorFit
-        Coefficients, and their covariance by clusters (Liang and Zeger 1986) and the prior.
-    """
+    """Fit vectors by least squares with Tukey's biweight and a weak prior around zero."""
     scaled, goal = design / noise[:, None, None], target / noise[:, None]
     prior = np.diag(1.0 / prior_sd**2)
     weight: FloatArray = np.ones(goal.shape[0])
@@ -114,21 +94,7 @@ def _normal(
 
 
 def scale_by_motion(residual: FloatArray, motion: FloatArray) -> FloatArray:
-    """Find how the scale of residuals follows motion.
-
-    Parameters
-    ----------
-    residual : (m, k, 3) ndarray
-        Of k sensors.
-    motion : (m,) ndarray
-        How lively a row is, not negative.
-
-    Returns
-    -------
-    (m,) ndarray
-        Robust standard deviation of a component, the same for all sensors: the median length in
-        classes of motion of equal size, made monotonic and interpolated.
-    """
+    """Find how the scale of residuals follows motion."""
     length = np.median(np.linalg.norm(residual, axis=2), axis=1) / LENGTH
     order = np.argsort(motion)
     parts = np.array_split(order, min(BINS, max(1, motion.size // 20)))

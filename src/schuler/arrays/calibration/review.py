@@ -125,33 +125,7 @@ def review_calibration(
     *,
     bandwidth: float | None = None,
 ) -> CalibrationReview:
-    """Look at a calibration on the recording it was fitted to, and on others.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        From `calibrate_array`.
-    array : ImuArray
-        What it was fitted to.
-    name : str
-        Of that recording.
-    others : sequence of (str, ImuArray)
-        Other recordings of the same array, with names. On each, biases are taken from its own
-        rests where it has some, and its own delays or sampling phases are found; everything else is
-        that of the calibration.
-    bandwidth : float, optional
-        Low-pass everything to this first, Hz, as for `calibrate_array`.
-
-    Returns
-    -------
-    CalibrationReview
-        For a report.
-
-    Raises
-    ------
-    InputError
-        An array of another number of IMUs.
-    """
+    """Look at a calibration on the recording it was fitted to, and on others."""
     if bandwidth is not None:
         array = low_passed(array, bandwidth)
         others = [(title, low_passed(other, bandwidth)) for title, other in others]

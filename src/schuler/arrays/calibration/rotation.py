@@ -59,35 +59,7 @@ class RelativeRotation:
 
 
 def align_rates(first: ArrayLike, second: ArrayLike) -> RelativeRotation:
-    """Find the rotation between two triads of gyros on one body.
-
-    Parameters
-    ----------
-    first, second : (n, 3) array_like
-        Rates of both at the same instants, each in its own axes, rad/s; rows with NaN are not
-        used.
-
-    Returns
-    -------
-    RelativeRotation
-        The rotation C and offset b of least sum of |first - b - C second|², by Wahba's problem on
-        what is left of both after their weighted means, reweighted with Tukey's biweight. The
-        heading, and with it any count of whole turns, plays no part. Source: spec 7.7 (S002 (12)
-        in its right form); Markley 1988.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit; or the second triad is left-handed: with one axis reversed it
-        agrees with the first, as a rotation alone it does not.
-    EstimationError
-        Fewer than ten usable rows, or no rotation to see.
-
-    Notes
-    -----
-    The covariance takes the residuals of different samples as independent. About the axis of a
-    motion that has one axis only the rotation is not seen: `unseen` names such directions.
-    """
+    """Find the rotation between two triads of gyros on one body."""
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     if a.ndim != 2 or a.shape != b.shape or a.shape[1] != 3:
         raise InputError(f"rates of shapes {a.shape} and {b.shape}", expected="(n, 3) both")
@@ -144,18 +116,6 @@ def _check_handed(a: FloatArray, b: FloatArray, weight: FloatArray, residual: Fl
 
 
 def rotation_between(first: ArrayLike, second: ArrayLike) -> FloatArray:
-    """Return the rotation vector that is left between two attitudes.
-
-    Parameters
-    ----------
-    first, second : (..., 3, 3) array_like
-        Attitudes, as matrices.
-
-    Returns
-    -------
-    (..., 3) ndarray
-        z = vee log(first second'), rad. Unlike a difference of Euler angles it is the same
-        whatever the heading, and after any number of whole turns. Source: spec 7.7.
-    """
+    """Return the rotation vector that is left between two attitudes."""
     c1, c2 = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     return rotation_vector_from_dcm(c1 @ np.swapaxes(c2, -1, -2))

@@ -47,24 +47,7 @@ class Rests:
 
 
 def mask_saturated(array: ImuArray, margin: int = MARGIN) -> tuple[ImuArray, NDArray[np.int64]]:
-    """Take out saturated samples with a margin, before anything is interpolated through them.
-
-    Parameters
-    ----------
-    array : ImuArray
-        As recorded.
-    margin : int
-        Samples on both sides that go, too: a filter in the sensor, and every derivative, reaches
-        that far.
-
-    Returns
-    -------
-    masked : ImuArray
-        The gyros (or the accelerometers) of an IMU are missing where one of their axes is at the
-        end of its range, and around.
-    counts : (k, 2) ndarray of int
-        Rows lost by the gyros and the accelerometers of each IMU.
-    """
+    """Take out saturated samples with a margin, before anything is interpolated through them."""
     arrays = [np.array(array.gyro), np.array(array.accel)]
     counts = np.zeros((array.count, 2), dtype=np.int64)
     for s, values in enumerate(arrays):
@@ -93,22 +76,7 @@ def mask_saturated(array: ImuArray, margin: int = MARGIN) -> tuple[ImuArray, NDA
 
 
 def mask_stuck(array: ImuArray) -> tuple[ImuArray, NDArray[np.int64]]:
-    """Take out stretches in which a triad shows the same three values again and again.
-
-    Parameters
-    ----------
-    array : ImuArray
-        As recorded.
-
-    Returns
-    -------
-    masked : ImuArray
-        The gyros (or the accelerometers) of an IMU are missing where all of their axes repeat
-        exactly for half a second or more: no sensor is that quiet, but a dead one whose last
-        values are logged on is.
-    counts : (k, 2) ndarray of int
-        Rows lost by the gyros and the accelerometers of each IMU.
-    """
+    """Take out stretches in which a triad shows the same three values again and again."""
     arrays = [np.array(array.gyro), np.array(array.accel)]
     counts = np.zeros((array.count, 2), dtype=np.int64)
     least = max(20, round(STUCK * array.rate))
@@ -128,18 +96,7 @@ def mask_stuck(array: ImuArray) -> tuple[ImuArray, NDArray[np.int64]]:
 
 
 def find_rests(array: ImuArray) -> Rests:
-    """Find when the array stood still.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Its IMUs in any axes.
-
-    Returns
-    -------
-    Rests
-        By the rule of the screening, on the IMU that lacks fewest samples.
-    """
+    """Find when the array stood still."""
     best = int(np.argmin(np.isnan(array.gyro).any(axis=2).sum(axis=0)))
     imu = _whole(array, best)
     found = look_at_rest(imu, array.rate)
@@ -169,25 +126,7 @@ def _whole(array: ImuArray, imu: int) -> ImuRecording:
 
 
 def low_passed(array: ImuArray, bandwidth: float) -> ImuArray:
-    """Low-pass all sensors of an array without delay.
-
-    Parameters
-    ----------
-    array : ImuArray
-        NaN where values are missing.
-    bandwidth : float
-        Hz, see `low_pass`.
-
-    Returns
-    -------
-    ImuArray
-        Values around gaps are missing, too.
-
-    Raises
-    ------
-    InputError
-        A bandwidth that is not between zero and half the rate.
-    """
+    """Low-pass all sensors of an array without delay."""
     gyro, accel = (
         low_pass(array.time, v.reshape(array.size, -1), bandwidth).reshape(v.shape)
         for v in (array.gyro, array.accel)

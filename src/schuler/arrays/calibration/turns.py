@@ -55,27 +55,7 @@ class TurnFit:
 def fit_turns(
     time: FloatArray, rate: FloatArray, rests: Rests, force: FloatArray
 ) -> TurnFit | None:
-    """Find the linear map of the mean rate that carries gravity from pose to pose.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps, s.
-    rate : (n, 3) ndarray
-        Mean rate of the gyros less its bias, in the body, rad/s; NaN where missing.
-    rests : Rests
-        When the array stood still.
-    force : (p, 3) ndarray
-        Mean force in each pose in the axes of the accelerometers, m/s²; NaN where unknown.
-
-    Returns
-    -------
-    TurnFit or None
-        By Gauss-Newton on u2 - C(X) u1 over the turns, with Tukey's biweight; None with fewer
-        than eight turns, or where they do not determine all nine elements to one per cent.
-        Source: Tedaldi, Pretto, Menegatti 2014, "A robust and easy to implement method for IMU
-        calibration without external equipments".
-    """
+    """Find the linear map of the mean rate that carries gravity from pose to pose."""
     steps, first, second = _turns(time, rate, rests, force)
     if first.shape[0] < LEAST:
         return None

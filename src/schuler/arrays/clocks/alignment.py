@@ -70,20 +70,7 @@ class ClockFit:
     scatter: float
 
     def to_reference(self, time: FloatArray, step: float = 0.0) -> FloatArray:
-        """Return stamps of the recording on the reference's time.
-
-        Parameters
-        ----------
-        time : (n,) ndarray
-            Stamps, s.
-        step : float
-            Sampling interval by which jumps are counted, s.
-
-        Returns
-        -------
-        (n,) ndarray
-            Seconds.
-        """
+        """Return stamps of the recording on the reference's time."""
         moved = time + self.offset - self.rate_error * (time - self.epoch)
         for start, samples in self.jumps:
             moved = moved + np.where(time >= start, samples * step, 0.0)
@@ -93,34 +80,7 @@ class ClockFit:
 def fit_clock(
     reference: ImuRecording, other: ImuRecording, *, window: float = WINDOW
 ) -> tuple[ClockFit, FloatArray]:
-    """Estimate offset and rate of a recording's clock from the rates that both IMUs feel.
-
-    Parameters
-    ----------
-    reference, other : ImuRecording
-        On one body, each with its own axes and its own clock. Any offset is found as long as the
-        recordings overlap in time by some lively seconds.
-    window : float
-        Length of the windows in which the offset is measured, s.
-
-    Returns
-    -------
-    clock : ClockFit
-        The cross-correlation of the rate norms, which do not depend on the axes, gives the offset
-        to a few ms; in windows from there outward, least squares on the vectors refines it
-        to a small share of a sample; a straight line through the windows gives offset and rate.
-        Errors come from the scatter of the windows. Steps of whole samples between windows are
-        jumps of that recording.
-    rotation : (3, 3) ndarray
-        Takes rates of `other` into the axes of the reference.
-
-    Raises
-    ------
-    InputError
-        A recording without gyros, or left-handed axes.
-    EstimationError
-        No motion in common: no overlap, different bodies, or everything at rest.
-    """
+    """Estimate offset and rate of a recording's clock from the rates that both IMUs feel."""
     for one in (reference, other):
         if np.isnan(one.gyro).any():
             raise InputError(
@@ -173,12 +133,7 @@ def _rotation_at(
 def _step(
     time: FloatArray, rates: FloatArray, slope: FloatArray, turned: FloatArray
 ) -> tuple[float, float]:
-    """Return the correction of an offset and its standard deviation; NaN without motion.
-
-    The derivative of the reference alone weighs the residual: its noise and that of its values
-    are uncorrelated by symmetry, so noise does not bias the offset. The size of the step comes
-    from the derivatives of both, whose noises are independent.
-    """
+    """Return the correction of an offset and its standard deviation; NaN without motion."""
     own = rate_of_change(time, turned)
     good = np.isfinite(own).all(axis=1) & np.isfinite(slope).all(axis=1)
     if np.count_nonzero(good) < 20:
@@ -365,18 +320,7 @@ def _line(time: FloatArray, offset: FloatArray, deviation: FloatArray) -> _Line:
 
 
 def check_recordings(recordings: Sequence[ImuRecording]) -> None:
-    """Raise when there are fewer than two recordings to bring together.
-
-    Parameters
-    ----------
-    recordings : sequence of ImuRecording
-        Of one body.
-
-    Raises
-    ------
-    InputError
-        Fewer than two.
-    """
+    """Raise when there are fewer than two recordings to bring together."""
     if len(recordings) < 2:
         raise InputError(
             f"{len(recordings)} recording: there is no other clock to compare",

@@ -23,27 +23,7 @@ MARGIN = 0.02
 
 
 def first_offset(reference: ImuRecording, other: ImuRecording) -> tuple[float, float, float]:
-    """Find the offset between two clocks by the norms of the rates.
-
-    Parameters
-    ----------
-    reference, other : ImuRecording
-        Of one body, in any axes.
-
-    Returns
-    -------
-    offset : float
-        Seconds to add to stamps of `other`, good to a few milliseconds.
-    middle : float
-        Stamp of `other` in the middle of the segment that was matched, s.
-    correlation : float
-        Pearson's, over that segment.
-
-    Raises
-    ------
-    EstimationError
-        No segment that correlates with 0.6, or periodic motion that matches at several offsets.
-    """
+    """Find the offset between two clocks by the norms of the rates."""
     rate = min(RATE, reference.rate, other.rate)
     base, base_start = _norms(reference, rate)
     signal, start = _norms(other, rate)

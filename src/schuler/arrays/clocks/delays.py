@@ -54,30 +54,7 @@ class DelayEstimate:
 def estimate_delays(
     array: ImuArray, *, window: float = WINDOW, bandwidth: float | None = None
 ) -> DelayEstimate:
-    """Estimate a constant delay of every IMU, and how it moves.
-
-    Parameters
-    ----------
-    array : ImuArray
-        At least two IMUs with gyros.
-    window : float
-        Length of a window, s.
-    bandwidth : float, optional
-        Low-pass all rates to this first, Hz: where vibration that the IMUs do not share is
-        stronger than the motion.
-
-    Returns
-    -------
-    DelayEstimate
-        The delay d of least squares of r + d dw/dt, r being the turned rate minus the mean of all
-        and w that mean. What noise the mean shares with r does not bias it: noise and its
-        symmetric derivative are uncorrelated. The gauge is the mean: no IMU is the reference.
-
-    Raises
-    ------
-    EstimationError
-        One IMU only, no motion, or motion about one axis only from which no rotation is found.
-    """
+    """Estimate a constant delay of every IMU, and how it moves."""
     require_several(array)
     rates = array.gyro if bandwidth is None else _filtered(array, bandwidth)
     delay = np.zeros(array.count)
@@ -106,18 +83,7 @@ def estimate_delays(
 
 
 def require_several(array: ImuArray) -> None:
-    """Raise when there are no two IMUs to compare.
-
-    Parameters
-    ----------
-    array : ImuArray
-        The array.
-
-    Raises
-    ------
-    EstimationError
-        Fewer than two IMUs with gyros.
-    """
+    """Raise when there are no two IMUs to compare."""
     with_gyros = int(np.count_nonzero(~np.isnan(array.gyro).any(axis=2).all(axis=0)))
     if with_gyros < 2:
         raise EstimationError(
@@ -128,22 +94,7 @@ def require_several(array: ImuArray) -> None:
 
 
 def shift(time: FloatArray, rates: FloatArray, delay: FloatArray) -> FloatArray:
-    """Return what every IMU would have shown without its delay.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps, s.
-    rates : (n, k, c) ndarray
-        Values of each IMU.
-    delay : (k,) ndarray
-        Seconds.
-
-    Returns
-    -------
-    (n, k, c) ndarray
-        Values at time + delay, interpolated.
-    """
+    """Return what every IMU would have shown without its delay."""
     moved = []
     for i, d in enumerate(delay):
         there = int(np.count_nonzero(np.isfinite(rates[:, i]).all(axis=1)))
@@ -153,20 +104,7 @@ def shift(time: FloatArray, rates: FloatArray, delay: FloatArray) -> FloatArray:
 
 
 def mean_rotations(rates: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the rotations of the IMUs into their mean axes.
-
-    Parameters
-    ----------
-    rates : (n, k, 3) ndarray
-        Rates of each IMU, in its own axes, rad/s.
-    start : (k, 3, 3) ndarray
-        Roughly, from `start_rotations`.
-
-    Returns
-    -------
-    (k, 3, 3) ndarray
-        The small turns against the start average to zero.
-    """
+    """Return the rotations of the IMUs into their mean axes."""
     rotation = start
     for _ in range(3):
         turned = np.einsum("kij,nkj->nki", rotation, rates)
@@ -179,28 +117,7 @@ def mean_rotations(rates: FloatArray, start: FloatArray) -> FloatArray:
 def window_delays(
     time: FloatArray, turned: FloatArray, window: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Measure the delay of every IMU against the mean, window by window.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps, s.
-    turned : (n, k, 3) ndarray
-        Rates in common axes, rad/s.
-    window : float
-        Seconds.
-
-    Returns
-    -------
-    middle : (w,) ndarray
-        Of the windows, s.
-    delay, deviation : (w, k) ndarray
-        Delays and their standard deviations, s; NaN without motion. A window has one constant
-        difference of biases for each IMU and axis besides.
-    turn : (k, 3) ndarray
-        Small turn of each IMU into the mean, rad, found together with the delays: where a body
-        turns about an axis that turns itself, a turn of the axes and a delay look alike.
-    """
+    """Measure the delay of every IMU against the mean, window by window."""
     mean = np.asarray(turned.mean(axis=1))
     slope = rate_of_change(time, mean)
     rest = turned - mean[:, None]
@@ -243,20 +160,7 @@ def window_delays(
 
 
 def solve_seen(normal: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve normal equations for turns, leaving alone what nothing moves around.
-
-    Parameters
-    ----------
-    normal : (3, 3) ndarray
-        Normal matrix, not negative.
-    right : (k, 3) ndarray
-        Right-hand sides.
-
-    Returns
-    -------
-    (k, 3) ndarray
-        Solutions; zero along axes whose eigenvalue is below 1e-6 of the largest.
-    """
+    """Solve normal equations for turns, leaving alone what nothing moves around."""
     values, axes = np.linalg.eigh(normal)
     weak = values < 1e-6 * max(float(values[-1]), 1e-300)
     scaled = np.where(weak, 0.0, (right @ axes) / np.where(weak, 1.0, values))
@@ -264,18 +168,7 @@ def solve_seen(normal: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def weighted_median(values: FloatArray, weights: FloatArray) -> float:
-    """Return the value with half of the weight on each side.
-
-    Parameters
-    ----------
-    values, weights : (n,) ndarray
-        Numbers and their weights, not negative.
-
-    Returns
-    -------
-    float
-        One of the values.
-    """
+    """Return the value with half of the weight on each side."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order[np.searchsorted(total, 0.5 * total[-1])]])

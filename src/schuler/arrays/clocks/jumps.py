@@ -218,21 +218,7 @@ def _stretches(
 
 
 def undo_jumps(array: ImuArray, jumps: Sequence[SampleJump]) -> ImuArray:
-    """Move the rows of every stretch to where they belong.
-
-    Parameters
-    ----------
-    array : ImuArray
-        With jumps.
-    jumps : sequence of SampleJump
-        From `find_jumps` on this array.
-
-    Returns
-    -------
-    ImuArray
-        Rows that nothing belongs to are missing (NaN); of two samples for one row the one that
-        was not moved stays. No value is made up. `history` has a line for each jump.
-    """
+    """Move the rows of every stretch to where they belong."""
     gyro, accel = np.array(array.gyro), np.array(array.accel)
     for jump in jumps:
         _move_rows(gyro, gyro.copy(), jump)

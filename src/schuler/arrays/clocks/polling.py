@@ -74,18 +74,7 @@ class PollingTrack:
     evidence: FloatArray
 
     def delay(self, time: FloatArray) -> FloatArray:
-        """Return the age of every sample.
-
-        Parameters
-        ----------
-        time : (n,) ndarray
-            Stamps, s.
-
-        Returns
-        -------
-        (n, k) ndarray
-            Seconds, from zero to one period. Far from motion it is extrapolated, and worth less.
-        """
+        """Return the age of every sample."""
         columns = [
             np.interp(time, self.block_time, self.phase[:, i]) for i in range(self.beat.size)
         ]
@@ -93,18 +82,7 @@ class PollingTrack:
         return np.asarray(self.period * np.mod(cycles, 1.0))
 
     def relative_delay(self, time: FloatArray) -> FloatArray:
-        """Return the age of every sample less the mean age over the IMUs.
-
-        Parameters
-        ----------
-        time : (n,) ndarray
-            Stamps, s.
-
-        Returns
-        -------
-        (n, k) ndarray
-            Seconds; they sum to zero over the IMUs.
-        """
+        """Return the age of every sample less the mean age over the IMUs."""
         age = self.delay(time)
         return np.asarray(age - age.mean(axis=1, keepdims=True))
 
@@ -118,42 +96,7 @@ def track_polling(
     period: float | None = None,
     before: PollingTrack | None = None,
 ) -> PollingTrack | None:
-    """Find whether the chips run free, and track their sampling phases.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps, s.
-    residual : (n, k, 3) ndarray
-        Rate of each IMU in common axes minus the mean of all, other errors taken off, rad/s. Rows
-        with NaN are not used.
-    slope : (n, 3) ndarray
-        Derivative of the mean rate, rad/s².
-    noise : float
-        Standard deviation of a component of the residuals at rest, rad/s.
-    period : float, optional
-        Internal sampling period, s; found from the size of the sawtooth if not given.
-    before : PollingTrack, optional
-        From the same recording with poorer residuals: its beats are where to begin.
-
-    Returns
-    -------
-    PollingTrack or None
-        None where no sawtooth is seen: the chips are read in step with their own sampling, or
-        there is too little motion.
-
-    Raises
-    ------
-    InputError
-        A period that is not positive.
-
-    Notes
-    -----
-    What is estimated: one beat and one sign for each chip, one period, and one phase for each
-    chip and 2 s block, tied to its neighbours by a random walk of 0.02 cycles. Beats come from the
-    periodogram of the delays that single samples show, phases by forward-backward smoothing over
-    64 phases with a t distribution of 4 degrees of freedom.
-    """
+    """Find whether the chips run free, and track their sampling phases."""
     if period is not None and not period > 0.0:
         raise InputError(f"an internal period of {period:g} s", expected="a positive time")
     size = np.linalg.norm(slope, axis=1)
@@ -335,24 +278,6 @@ def sharpened_slope(
 
     Chips that are read at one instant, but sampled some tenths of a millisecond apart, hold the
     derivative between them: also that of motion too fast for the reading rate.
-
-    Parameters
-    ----------
-    residual : (n, k, 3) ndarray
-        Rate of each IMU in common axes minus the mean of all, rad/s.
-    relative_delay : (n, k) ndarray
-        Ages less their mean, s, from `PollingTrack.relative_delay`.
-    slope : (n, 3) ndarray
-        Derivative of the mean rate from sample to sample, rad/s².
-    noise : float
-        Standard deviation of a component of a residual, rad/s.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        The two weighted by their errors, that of `slope` found from how they differ. Three
-        numbers are taken from the 3 (k - 1) of each sample: residuals against it are smaller by
-        sqrt((k - 2)/(k - 1)) for that alone.
     """
     shown, weight = own_derivative(residual, relative_delay, slope, noise)
     both = weight[:, None] * shown + (1.0 - weight[:, None]) * slope
@@ -362,20 +287,7 @@ def sharpened_slope(
 def own_derivative(
     residual: FloatArray, relative_delay: FloatArray, slope: FloatArray, noise: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivative that polled chips show between them, and what it is worth.
-
-    Parameters
-    ----------
-    residual, relative_delay, slope, noise
-        As in `sharpened_slope`.
-
-    Returns
-    -------
-    shown : (n, 3) ndarray
-        rad/s².
-    weight : (n,) ndarray
-        Share of `shown` in the best of it and `slope`, 0 to 1; all zero with too little motion.
-    """
+    """Return the derivative that polled chips show between them, and what it is worth."""
     energy = np.sum(relative_delay**2, axis=1)
     spread = np.median(energy[energy > 0.0]) if (energy > 0.0).any() else 1.0
     energy = np.maximum(energy, 1e-3 * spread)

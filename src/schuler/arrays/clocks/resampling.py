@@ -41,29 +41,7 @@ class Resampled:
 
 
 def resample(time: ArrayLike, values: ArrayLike, at: ArrayLike) -> Resampled:
-    """Interpolate by the polynomial through the nearest samples on both sides.
-
-    Parameters
-    ----------
-    time : (n,) array_like
-        Stamps, strictly increasing, s.
-    values : (n,) or (n, c) array_like
-        Samples; a row with NaN is missing as a whole.
-    at : (m,) array_like
-        Instants wanted, s, in any order.
-
-    Returns
-    -------
-    Resampled
-        By Lagrange's formula with six samples; with four or two near the ends and near gaps.
-        Nothing is bridged: between samples that are more than 1.7 usual steps apart the values
-        are NaN, and so they are outside the recording.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit, or fewer than two samples.
-    """
+    """Interpolate by the polynomial through the nearest samples on both sides."""
     stamps, instants = np.asarray(time, dtype=np.float64), np.asarray(at, dtype=np.float64)
     samples = np.asarray(values, dtype=np.float64)
     samples = samples[:, None] if samples.ndim == 1 else samples
@@ -131,29 +109,7 @@ def _lagrange(
 
 
 def rate_of_change(time: ArrayLike, values: ArrayLike, reach: int = 2) -> FloatArray:
-    """Differentiate evenly sampled values, using no sample that is missing.
-
-    Parameters
-    ----------
-    time : (n,) array_like
-        Stamps, s; a step that is too long counts as a gap.
-    values : (n, c) array_like
-        Samples; a row with NaN is missing as a whole.
-    reach : int
-        Samples on each side.
-
-    Returns
-    -------
-    (n, c) ndarray
-        Per second: the slope of the cubic (a parabola where `reach` is 1) fitted to the samples
-        that are there within the reach, exact for sines far below the sampling rate. NaN where
-        fewer than four (three) are there, or none on one side.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit.
-    """
+    """Differentiate evenly sampled values, using no sample that is missing."""
     stamps, samples = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if stamps.ndim != 1 or samples.ndim != 2 or samples.shape[0] != stamps.size:
         raise InputError(
@@ -184,28 +140,7 @@ def rate_of_change(time: ArrayLike, values: ArrayLike, reach: int = 2) -> FloatA
 
 
 def low_pass(time: ArrayLike, values: ArrayLike, bandwidth: float) -> FloatArray:
-    """Low-pass evenly sampled values without delay (Butterworth of order 4, both ways).
-
-    Parameters
-    ----------
-    time : (n,) array_like
-        Stamps, s.
-    values : (n, c) array_like
-        Samples; NaN where missing.
-    bandwidth : float
-        Where the gain has fallen to one half (both passes together), Hz.
-
-    Returns
-    -------
-    (n, c) ndarray
-        NaN where values are missing, and within half a period of the bandwidth around.
-
-    Raises
-    ------
-    InputError
-        A bandwidth that is not between zero and half the sampling rate, or a recording too short
-        for the filter to settle.
-    """
+    """Low-pass evenly sampled values without delay (Butterworth of order 4, both ways)."""
     from scipy.signal import butter, sosfiltfilt
 
     stamps, samples = np.asarray(time, dtype=np.float64), np.array(values, dtype=np.float64)

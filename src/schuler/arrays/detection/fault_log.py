@@ -104,20 +104,7 @@ class FaultRecord:
 
 
 def fault_records(followed: Followed, time_constants: tuple[float, ...]) -> tuple[FaultRecord, ...]:
-    """Return what happened to one kind of sensor, in order of time.
-
-    Parameters
-    ----------
-    followed : Followed
-        What came out of following it.
-    time_constants : tuple of float
-        Of the smoothed residuals, s.
-
-    Returns
-    -------
-    tuple of FaultRecord
-        Faults, contradictions and longer gaps.
-    """
+    """Return what happened to one kind of sensor, in order of time."""
     sensors = followed.sensors
     open_since: dict[tuple[Kind, int], int] = {}
     records: list[FaultRecord] = []

@@ -64,21 +64,7 @@ class SensorFaults:
         return np.repeat(per_block, self.followed.block)[: self.followed.statistic.size]
 
     def exceedance(self, rate: float | None = None, rows: NDArray[np.bool_] | None = None) -> float:
-        """Return the share of samples whose D is above its threshold.
-
-        Parameters
-        ----------
-        rate : float, optional
-            False-alarm rate; that of the settings if not given. Without faults the share is the
-            same.
-        rows : (n,) ndarray of bool, optional
-            Which samples to count.
-
-        Returns
-        -------
-        float
-            NaN when there is nothing to count.
-        """
+        """Return the share of samples whose D is above its threshold."""
         from scipy.stats import chi2
 
         d = self.followed.statistic
@@ -221,20 +207,7 @@ def detect_faults(
 
 
 def motion_extra(sensors: RedundantSensors, settings: FaultSettings) -> FloatArray | None:
-    """Return the variance that motion may add, from the plain mean of the sensors.
-
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        What was measured.
-    settings : FaultSettings
-        Scale and delay uncertainties.
-
-    Returns
-    -------
-    (n,) ndarray or None
-        None when settings allow for none.
-    """
+    """Return the variance that motion may add, from the plain mean of the sensors."""
     if settings.scale_uncertainty == 0.0 and settings.delay_uncertainty == 0.0:
         return None
     fused, _, _ = fuse_constant(sensors.measurements, sensors.axes, np.ones(sensors.count))

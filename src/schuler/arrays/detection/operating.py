@@ -49,24 +49,7 @@ class OperatingCurve:
 def chi_square_power(
     geometry: Geometry, axis: int, size: ArrayLike, false_alarm_rate: ArrayLike
 ) -> FloatArray:
-    """Return the power of the chi-square test against a step on one axis.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Axes, of equal noise.
-    axis : int
-        With the fault.
-    size : array_like
-        In standard deviations.
-    false_alarm_rate : array_like
-        Shapes that broadcast.
-
-    Returns
-    -------
-    ndarray
-        P(ncx2(r, size² S_ii) > chi2.isf(P_FA, r)). Source: spec 6.4.
-    """
+    """Return the power of the chi-square test against a step on one axis."""
     from scipy.stats import chi2, ncx2
 
     share = figures_of_merit(geometry).residual_share[axis]
@@ -86,28 +69,7 @@ def operating_curve(
     draws: int = 100_000,
     seed: int = 0,
 ) -> OperatingCurve:
-    """Return what the tests do against a step on one axis.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Axes, of equal noise.
-    size : float
-        Of the step, in standard deviations of a sample.
-    axis : int
-        With the fault.
-    rates : (r,) array_like
-        False-alarm rates.
-    draws : int
-        Samples to simulate with and without fault.
-    seed : int
-        Of the draw.
-
-    Returns
-    -------
-    OperatingCurve
-        Standard errors are below 0.5 / sqrt(draws).
-    """
+    """Return what the tests do against a step on one axis."""
     rate = np.asarray(rates, dtype=np.float64)
     rng = np.random.default_rng(seed)
     healthy, _ = likelihood_statistics(rng.standard_normal((draws, geometry.count)), geometry)

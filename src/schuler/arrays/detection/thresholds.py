@@ -18,28 +18,7 @@ Criterion = Literal["counts", "probabilities"]
 
 
 def chi_square_threshold(deviation: float, false_alarm_rate: float, freedom: int) -> float:
-    """Return the threshold of D = f'f for sensors of equal noise.
-
-    Parameters
-    ----------
-    deviation : float
-        Standard deviation of a *sample*: density times the root of the noise bandwidth, never a
-        density (E-002-3).
-    false_alarm_rate : float
-        Probability of an alarm in one sample without fault.
-    freedom : int
-        M - 3.
-
-    Returns
-    -------
-    float
-        sigma² Q^-1(P_FA, r), square of the unit of the deviation. Source: S002 (3).
-
-    Raises
-    ------
-    InputError
-        No redundancy, or a probability outside (0, 1).
-    """
+    """Return the threshold of D = f'f for sensors of equal noise."""
     from scipy.stats import chi2
 
     if freedom < 1 or not 0.0 < false_alarm_rate < 1.0 or not deviation > 0.0:
@@ -54,25 +33,7 @@ def chi_square_threshold(deviation: float, false_alarm_rate: float, freedom: int
 def likelihood_statistics(
     measurements: ArrayLike, geometry: Geometry, variances: ArrayLike | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how well a fault of each axis, and of each unit, explains every sample.
-
-    Parameters
-    ----------
-    measurements : (n, M) array_like
-        Without gaps.
-    geometry : Geometry
-        Axes and units.
-    variances : (M,) array_like, optional
-        Of the measurements; ones if not given.
-
-    Returns
-    -------
-    axis : (n, M) ndarray
-        F = f²/q for each axis, chi-square with one degree of freedom without fault; zero where a
-        fault cannot be seen.
-    unit : (n, units) ndarray
-        f_T' Q_TT^-1 f_T, with as many degrees as the unit has axes. Source: spec 6.5.
-    """
+    """Return how well a fault of each axis, and of each unit, explains every sample."""
     ell = np.atleast_2d(np.asarray(measurements, dtype=np.float64))
     s = np.ones(geometry.count) if variances is None else np.asarray(variances, dtype=np.float64)
     fit = least_squares(geometry.axes, s)
@@ -97,33 +58,7 @@ def likelihood_threshold(
     draws: int = 200_000,
     seed: int = 0,
 ) -> float:
-    """Return the threshold of the largest likelihood statistic.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Axes and units.
-    false_alarm_rate : float
-        Probability of an alarm in one sample without fault.
-    fault : {"axis", "unit"}
-        Whose statistic.
-    variances : (M,) array_like, optional
-        Of the measurements.
-    draws : int
-        Samples to simulate: the statistics are correlated, there is no closed form.
-    seed : int
-        Of the draw.
-
-    Returns
-    -------
-    float
-        By simulation; by Bonferroni's bound where fewer than 100 alarms would be drawn.
-
-    Raises
-    ------
-    InputError
-        A probability outside (0, 1), or no redundancy.
-    """
+    """Return the threshold of the largest likelihood statistic."""
     from scipy.stats import chi2
 
     if geometry.redundancy < 1 or not 0.0 < false_alarm_rate < 1.0:
@@ -194,29 +129,7 @@ class EmpiricalThreshold:
 def threshold_performance(
     statistic: ArrayLike, faulty: ArrayLike, threshold: float, criterion: Criterion = "counts"
 ) -> EmpiricalThreshold:
-    """Return how a given threshold does.
-
-    Parameters
-    ----------
-    statistic : (n,) array_like
-        D of every sample.
-    faulty : (n,) array_like of bool
-        Which samples hold a fault.
-    threshold : float
-        Of the statistic.
-    criterion : {"counts", "probabilities"}
-        What the cost is.
-
-    Returns
-    -------
-    EmpiricalThreshold
-        At the threshold.
-
-    Raises
-    ------
-    InputError
-        Shapes that differ.
-    """
+    """Return how a given threshold does."""
     d, bad = np.asarray(statistic, dtype=np.float64), np.asarray(faulty, dtype=bool)
     if d.shape != bad.shape or d.ndim != 1:
         raise InputError(f"statistics {d.shape} and labels {bad.shape}", expected="(n,) both")
@@ -234,29 +147,7 @@ def threshold_performance(
 def empirical_threshold(
     statistic: ArrayLike, faulty: ArrayLike, criterion: Criterion = "counts"
 ) -> EmpiricalThreshold:
-    """Return the threshold that makes false alarms and missed faults fewest.
-
-    Parameters
-    ----------
-    statistic : (n,) array_like
-        D of every sample.
-    faulty : (n,) array_like of bool
-        Which samples hold a fault.
-    criterion : {"counts", "probabilities"}
-        Make small the number of false alarms and missed faults (over the number of faults), or the
-        sum of their probabilities. When faults are rare the first all but forbids alarms (S002
-        Figure 7, E-002-4).
-
-    Returns
-    -------
-    EmpiricalThreshold
-        The best over all samples' own values.
-
-    Raises
-    ------
-    InputError
-        Shapes that differ, or no fault or no healthy sample among them.
-    """
+    """Return the threshold that makes false alarms and missed faults fewest."""
     d, bad = np.asarray(statistic, dtype=np.float64), np.asarray(faulty, dtype=bool)
     if d.shape != bad.shape or d.ndim != 1:
         raise InputError(f"statistics {d.shape} and labels {bad.shape}", expected="(n,) both")

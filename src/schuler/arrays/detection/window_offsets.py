@@ -102,27 +102,7 @@ class WindowOffsets:
 
 
 def calibrated_rates(calibration: ArrayCalibration, array: ImuArray) -> CalibratedRates:
-    """Return the gyros of a recording calibrated, with biases and phases of its own.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        Of the same IMUs, from another recording or this one.
-    array : ImuArray
-        In the sensors' own axes. Biases come from its rests, with a line through them in time
-        (without rest, their differences from the medians); constant delays or sampling phases of
-        polled chips from its motion.
-
-    Returns
-    -------
-    CalibratedRates
-        Saturated samples are missing, with a margin.
-
-    Raises
-    ------
-    InputError
-        Another number of IMUs.
-    """
+    """Return the gyros of a recording calibrated, with biases and phases of its own."""
     used = with_own_delays(calibrated_biases(calibration, array), array)
     track = track_phases(used, array)
     applied = used if track is None else replace(used, delay=np.zeros(used.count))
@@ -182,22 +162,7 @@ def _mean_of_present(vectors: FloatArray) -> FloatArray:
 
 
 def window_offsets(rates: CalibratedRates, window: float, step: float) -> WindowOffsets:
-    """Average the residuals of every window robustly, with angular acceleration projected out.
-
-    Parameters
-    ----------
-    rates : CalibratedRates
-        Of k sensors.
-    window, step : float
-        Length of a window and from one to the next, s.
-
-    Returns
-    -------
-    WindowOffsets
-        Offsets b minimize the sum of u |P (r - b)|² over the samples, with P = I - 11'/k -
-        unknown d d'/d'd of the sensors that are there, and Tukey's biweight u of the length of
-        the residual of a sample.
-    """
+    """Average the residuals of every window robustly, with angular acceleration projected out."""
     interval = float(np.median(np.diff(rates.time)))
     length = max(round(window / interval), 2)
     first = np.arange(0, rates.time.size - length + 1, max(round(step / interval), 1))
@@ -218,18 +183,7 @@ def window_offsets(rates: CalibratedRates, window: float, step: float) -> Window
 
 
 def join_offsets(parts: Sequence[WindowOffsets]) -> WindowOffsets:
-    """Join the windows of several recordings of the same array.
-
-    Parameters
-    ----------
-    parts : sequence of WindowOffsets
-        At least one.
-
-    Returns
-    -------
-    WindowOffsets
-        All windows, with the stamps of their own recordings.
-    """
+    """Join the windows of several recordings of the same array."""
     names = [f.name for f in fields(WindowOffsets) if f.name != "skipped"]
     joined = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
     return WindowOffsets(**joined, skipped=sum(p.skipped for p in parts))

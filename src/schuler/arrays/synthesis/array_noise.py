@@ -38,23 +38,7 @@ class ArrayNoise:
     rate: float
 
     def of(self, sensors: RedundantSensors) -> AxisNoise:
-        """Return the part for one kind of sensor of an array of the same IMUs.
-
-        Parameters
-        ----------
-        sensors : RedundantSensors
-            With all three axes of every IMU.
-
-        Returns
-        -------
-        AxisNoise
-            At the rate of the sensors: white noise grows with the square root of the rate.
-
-        Raises
-        ------
-        InputError
-            Another number of axes, or deviations that are not known or not positive.
-        """
+        """Return the part for one kind of sensor of an array of the same IMUs."""
         gyros = sensors.sensor == "gyro"
         deviation = (self.gyro_deviation if gyros else self.accel_deviation).ravel()
         bias = (self.gyro_bias if gyros else self.accel_bias).ravel()
@@ -75,27 +59,7 @@ class ArrayNoise:
 def array_noise(
     array: ImuArray, start: float | None = None, stop: float | None = None
 ) -> ArrayNoise:
-    """Return noise and bias differences of an array from its redundancy.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Best at rest: in motion, scale errors and delays count as noise.
-    start, stop : float, optional
-        The part to use, on the array's time axis, s.
-
-    Returns
-    -------
-    ArrayNoise
-        By the N-cornered hat without outliers (spec 5.4); of two IMUs, the same for both.
-
-    Raises
-    ------
-    InputError
-        One IMU only, or an empty part.
-    EstimationError
-        Too few samples.
-    """
+    """Return noise and bias differences of an array from its redundancy."""
     if start is not None or stop is not None:
         array = array.between(-np.inf if start is None else start, np.inf if stop is None else stop)
     deviations, biases = [], []

@@ -54,33 +54,7 @@ def conditional_noise(
     arma: tuple[int, int] = (0, 0),
     tensor: FloatArray | None = None,
 ) -> ConditionalNoise:
-    """Return one-step-ahead means and variances of redundant sensors.
-
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        Of three or more IMUs.
-    learning : int
-        Samples at the beginning on which the models are fitted; from there on, each mean and
-        variance comes from the samples before it alone.
-    settings : OnlineSettings
-        Of the weights behind the residuals.
-    arma : tuple of int
-        Orders p, q of the mean; (0, 0): the residuals are taken to be white.
-    tensor : (n, 9) ndarray, optional
-        Of the lever arms.
-
-    Returns
-    -------
-    ConditionalNoise
-        With GARCH(1,1) variances, or their EWMA where GARCH cannot be fitted. Source: S000 (7),
-        (10), (12); the mean is that given the past, not the unconditional one (E-000-7).
-
-    Raises
-    ------
-    EstimationError
-        Two sensors that cannot be told apart, or too short a beginning.
-    """
+    """Return one-step-ahead means and variances of redundant sensors."""
     from schuler.estimation.garch.arma_garch import fit_arma_garch
     from schuler.estimation.garch.conditional_variance import ewma_variance
 
@@ -110,21 +84,7 @@ def conditional_noise(
 
 
 def scaled_residuals(followed: Followed, tensor: FloatArray | None) -> FloatArray:
-    """Return residuals against the weighted fused vector, with the variance of the sensors.
-
-    Parameters
-    ----------
-    followed : Followed
-        An on-line run.
-    tensor : (n, 9) ndarray or None
-        Of the lever arms.
-
-    Returns
-    -------
-    (n, M) ndarray
-        f sqrt(s/q): residuals against the plain mean would mix the noise of all sensors, and a
-        small one would drown (E-000-11). NaN where missing.
-    """
+    """Return residuals against the weighted fused vector, with the variance of the sensors."""
     sensors = followed.sensors
     x = sensors.measurements - followed.fused @ sensors.axes.T
     if tensor is not None:

@@ -68,33 +68,7 @@ class CorneredHat:
 def cornered_hat(
     residuals: ArrayLike, axes: ArrayLike | None = None, *, method: Method = "nnls"
 ) -> CorneredHat:
-    """Return the variance of each of three or more redundant sensors.
-
-    Parameters
-    ----------
-    residuals : (n, M) array_like
-        Least-squares residuals with equal weights (of the measurements themselves give the same:
-        they are projected). Rows with NaN are left out. Means are removed.
-    axes : (M, 3) array_like, optional
-        Axes of the sensors; sensors along one direction if not given.
-    method : {"nnls", "clip"}
-        How variances below zero are kept out: non-negative least squares, or a floor alone.
-
-    Returns
-    -------
-    CorneredHat
-        s of v = (S o S) s, v the variances of the residuals and S = I - A(A'A)^-1 A'; for k
-        sensors along one direction v = ((1 - 2/k) I + 11'/k²) s. Source: spec 5.4; Gray and
-        Allan 1974 for three clocks.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, or fewer than two rows without NaN.
-    EstimationError
-        One sensor has no residual, and two cannot be told apart: any share of the variance of
-        their difference may belong to either.
-    """
+    """Return the variance of each of three or more redundant sensors."""
     x = np.asarray(residuals, dtype=np.float64)
     if x.ndim != 2:
         raise InputError(f"residuals of shape {x.shape}", expected="(n, M)")
@@ -140,18 +114,7 @@ def cornered_hat(
 
 
 def check_separable(spread: FloatArray) -> None:
-    """Raise when residuals cannot tell the sensors apart.
-
-    Parameters
-    ----------
-    spread : (M, M) ndarray
-        S = I - A(A'A)^-1 A'.
-
-    Raises
-    ------
-    EstimationError
-        S o S is singular, as for one or two triads.
-    """
+    """Raise when residuals cannot tell the sensors apart."""
     if np.linalg.cond(spread**2) < 1e8:
         return
     if np.abs(spread).max() < 1e-9:

@@ -37,26 +37,7 @@ NEGLIGIBLE = 1e-12
 
 
 def combine_processes(processes: Sequence[Process], shares: FloatArray) -> ProcessSum:
-    """Return the process of a weighted sum of independent sensors.
-
-    Parameters
-    ----------
-    processes : sequence of Process
-        Of each sensor.
-    shares : (m,) ndarray
-        What each is multiplied with.
-
-    Returns
-    -------
-    ProcessSum
-        Parts of one kind and the same other parameters (correlation times) added in squares: the
-        noise of n equal sensors is N/sqrt(n), their bias sigma/sqrt(n).
-
-    Raises
-    ------
-    ModelError
-        A process that cannot be scaled (an ARMA model belongs to its own sensor).
-    """
+    """Return the process of a weighted sum of independent sensors."""
     sums: dict[Process, float] = {}
     start = 0.0
     for process, share in zip(processes, shares, strict=True):
@@ -98,25 +79,7 @@ def _scaled(process: Process, factor: float) -> Process:
 
 
 def combine_noise_models(models: Sequence[NoiseModel], pi: dict[str, FloatArray]) -> NoiseModel:
-    """Return the noise model of a synthetic IMU.
-
-    Parameters
-    ----------
-    models : sequence of NoiseModel
-        Of each IMU, in its own axes.
-    pi : dict of str to (3, 3k) ndarray
-        By "gyro" and "accel": how the axes become the vector in the body.
-
-    Returns
-    -------
-    NoiseModel
-        Of the synthetic IMU, in the axes of the body, for constant weights.
-
-    Raises
-    ------
-    ModelError
-        A channel without a process, or a process that cannot be scaled.
-    """
+    """Return the noise model of a synthetic IMU."""
     processes: dict[str, Process] = {}
     for sensor, matrix in pi.items():
         channels = [c for c in CHANNELS if c.startswith(sensor)]
@@ -132,21 +95,7 @@ def combine_noise_models(models: Sequence[NoiseModel], pi: dict[str, FloatArray]
 
 
 def white_noise_model(covariances: dict[str, FloatArray], step: float) -> NoiseModel:
-    """Return the white noise that the redundancy itself shows.
-
-    Parameters
-    ----------
-    covariances : dict of str to (3, 3) ndarray
-        By "gyro" and "accel": mean covariance of a sample of the fused vector.
-    step : float
-        Sampling interval, s.
-
-    Returns
-    -------
-    NoiseModel
-        White noise alone, N = deviation sqrt(step). Slow errors that the sensors share, and the
-        mean of their biases, do not show in redundancy: identify them on a static recording.
-    """
+    """Return the white noise that the redundancy itself shows."""
     processes: dict[str, Process] = {}
     for sensor, covariance in covariances.items():
         density = np.sqrt(np.diag(covariance) * step)

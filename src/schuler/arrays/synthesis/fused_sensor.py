@@ -61,18 +61,7 @@ class FusedSensor:
 
     @classmethod
     def from_followed(cls, followed: Followed) -> FusedSensor:
-        """Return what an on-line run fused.
-
-        Parameters
-        ----------
-        followed : Followed
-            The run.
-
-        Returns
-        -------
-        FusedSensor
-            One covariance for each block.
-        """
+        """Return what an on-line run fused."""
         return cls(
             followed.sensors,
             followed.fused,
@@ -150,33 +139,7 @@ def fuse_weighted(
     rate_covariance: FloatArray | None = None,
     causal: bool = True,
 ) -> FusedSensor:
-    """Fuse with constant weights.
-
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        What was measured.
-    covariance : (M,) or (M, M) ndarray or None
-        To weigh by; None: the variances of the sensors.
-    known : AxisNoise or None
-        Variances and bias differences; None: from samples all over the recording.
-    settings : OnlineSettings
-        Whether biases are touched.
-    tensor : (n, 9) ndarray or None
-        For lever arms.
-    equal : bool
-        Weigh all axes alike.
-    rate_covariance : (3, 3) ndarray or None
-        Of the fused rate: its noise reaches the accelerometers through the lever arms, and is a
-        part of the covariance.
-    causal : bool
-        How the angular acceleration was found.
-
-    Returns
-    -------
-    FusedSensor
-        With the covariance that the variances of the sensors give it, whatever it was weighed by.
-    """
+    """Fuse with constant weights."""
     noise = known
     if noise is None:
         stride = max(1, sensors.time.size // FEW)
@@ -226,28 +189,7 @@ def fuse_followed(
     tensor: FloatArray | None,
     arma: tuple[int, int],
 ) -> FusedSensor:
-    """Fuse with weights or variances that follow the past.
-
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        What was measured.
-    weights : {"averaged_volatility", "ewma", "garch"}
-        Which.
-    known : AxisNoise or None
-        Start values.
-    settings : OnlineSettings
-        Of the variances.
-    tensor : (n, 9) ndarray or None
-        For lever arms.
-    arma : tuple of int
-        Orders of the conditional mean for "garch".
-
-    Returns
-    -------
-    FusedSensor
-        With its on-line statistics.
-    """
+    """Fuse with weights or variances that follow the past."""
     given: FloatArray | None = None
     how = settings
     if weights == "averaged_volatility":

@@ -41,25 +41,7 @@ class LeastSquares:
 
 
 def least_squares(axes: ArrayLike, covariance: ArrayLike | None = None) -> LeastSquares:
-    """Return the least squares of redundant axes.
-
-    Parameters
-    ----------
-    axes : (M, 3) array_like
-        Unit rows A.
-    covariance : (M,) or (M, M) array_like, optional
-        Of the measurements: variances, or all of it. Ones if not given.
-
-    Returns
-    -------
-    LeastSquares
-        By Cholesky and QR; no inverse of the covariance is formed. Source: S002 (7), spec 6.2.
-
-    Raises
-    ------
-    InputError
-        Axes that leave a direction unmeasured, or a covariance that is not positive definite.
-    """
+    """Return the least squares of redundant axes."""
     a = np.asarray(axes, dtype=np.float64)
     check_rank(a)
     count = a.shape[0]
@@ -105,37 +87,7 @@ def fuse_constant(
     tensor: FloatArray | None = None,
     arm: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
-    """Fuse all samples with one covariance; where axes are missing, those that are there.
-
-    Parameters
-    ----------
-    measurements : (n, M) ndarray
-        NaN where missing.
-    axes : (M, 3) ndarray
-        A.
-    covariance : (M,) or (M, M) ndarray
-        Of the measurements.
-    bias : (M,) ndarray, optional
-        Removed from the measurements.
-    tensor : (n, 9) ndarray, optional
-        From `turning_tensor`; removed by the lever arms.
-    arm : (9, M) ndarray, optional
-        From `arm_coefficients`.
-
-    Returns
-    -------
-    fused : (n, 3) ndarray
-        NaN where the axes that are there leave a direction unmeasured.
-    solutions : (p, 3, M) ndarray
-        pi of each set of axes that occurs; NaN for a set that is not enough.
-    which : (n,) ndarray of int
-        The set of each sample.
-
-    Raises
-    ------
-    InputError
-        As `least_squares`.
-    """
+    """Fuse all samples with one covariance; where axes are missing, those that are there."""
     whole = least_squares(axes, covariance)
     fused = _fuse(measurements, whole.pi, bias, tensor, arm)
     which = np.zeros(measurements.shape[0], dtype=np.int64)
@@ -187,19 +139,6 @@ def _fuse(
 
 
 def residuals(measurements: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return residuals against the least squares with equal weights.
-
-    Parameters
-    ----------
-    measurements : (n, M) ndarray
-        NaN where missing.
-    axes : (M, 3) ndarray
-        A.
-
-    Returns
-    -------
-    (n, M) ndarray
-        NaN where missing, or where the axes that are there are not enough.
-    """
+    """Return residuals against the least squares with equal weights."""
     fused, _, _ = fuse_constant(measurements, axes, np.ones(axes.shape[0]))
     return measurements - fused @ axes.T

@@ -106,37 +106,7 @@ def window_volatility(
     causal: bool = False,
     remove_mean: bool = False,
 ) -> AveragedVolatility:
-    """Return the averaged volatility of vectors that redundant triads measured.
-
-    Parameters
-    ----------
-    vectors : (n, k, 3) array_like
-        In the body, any unit; NaN where missing.
-    half_window : int
-        T, at least one.
-    time : (n,) array_like, optional
-        Sample numbers if not given.
-    divisor : {"unbiased", "paper"}
-        The paper's 6 T k has the expectation s² (1 + 1/(2T)) (k-1)/k (E-000-1). The unbiased
-        one counts degrees of freedom: 3 (2T+1)(k-1), or 6T(k-1) with `remove_mean`.
-    causal : bool
-        Window t-2T .. t instead of t-T .. t+T.
-    remove_mean : bool
-        Remove the mean in the window of every sensor and axis. (3) of S000 removes a mean over
-        the sensors, which is zero by construction (E-000-2).
-
-    Returns
-    -------
-    AveragedVolatility
-        Windows are cut at the ends of the record, with the true count.
-
-    Raises
-    ------
-    InputError
-        Wrong shape, or a window shorter than three samples.
-    EstimationError
-        One triad: it has no residuals.
-    """
+    """Return the averaged volatility of vectors that redundant triads measured."""
     w = np.asarray(vectors, dtype=np.float64)
     if w.ndim != 3 or w.shape[2] != 3:
         raise InputError(f"vectors of shape {w.shape}", expected="(n, k, 3)")
@@ -180,23 +150,7 @@ def window_volatility(
 def residual_volatility(
     measurements: FloatArray, axes: FloatArray, half_window: int
 ) -> AveragedVolatility:
-    """Return the causal averaged volatility of axes in any directions.
-
-    Parameters
-    ----------
-    measurements : (n, M) ndarray
-        NaN where missing.
-    axes : (M, 3) ndarray
-        A.
-    half_window : int
-        T; the window t-2T .. t.
-
-    Returns
-    -------
-    AveragedVolatility
-        Sum of squared residuals over their degrees of freedom, M - 3 a sample, less the window's
-        mean of every axis.
-    """
+    """Return the causal averaged volatility of axes in any directions."""
     x = residuals(measurements, axes)
     there = np.isfinite(x)
     x = np.where(there, x, 0.0)

@@ -12,30 +12,7 @@ from schuler.types import FloatArray
 
 
 def wavelet_covariance(sensors: RedundantSensors, scales: Sequence[float]) -> FloatArray:
-    """Return how the Haar wavelet coefficients of all axes vary together.
-
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        At rest, without gaps: what the body does would count as an error that all share.
-    scales : sequence of float
-        Lengths of the averages whose differences count, s; their covariances are added, each
-        weighed by its scale, as an error of that length counts in an angle.
-
-    Returns
-    -------
-    (M, M) ndarray
-        Covariance to weigh by: the least-squares weights of it minimise the wavelet variance of
-        the fused sensor. Drawn towards its diagonal by the share that few coefficients leave to
-        chance. Source: Zhang, Cucci, Molinari and Guerrier, arXiv 2106.15997.
-
-    Raises
-    ------
-    InputError
-        No scales, or gaps.
-    EstimationError
-        A record too short for a scale: fewer coefficients than axes.
-    """
+    """Return how the Haar wavelet coefficients of all axes vary together."""
     x = sensors.measurements
     if not scales or not np.isfinite(x).all():
         raise InputError(

@@ -75,18 +75,7 @@ def fit_arma(
 
 
 def check_orders(p: int, q: int) -> None:
-    """Raise unless both orders are whole numbers, zero or above.
-
-    Parameters
-    ----------
-    p, q : int
-        Orders.
-
-    Raises
-    ------
-    InputError
-        They are not.
-    """
+    """Raise unless both orders are whole numbers, zero or above."""
     if int(p) != p or int(q) != q or p < 0 or q < 0:
         raise InputError(f"orders ({p}, {q})", expected="whole numbers, zero or above")
 
@@ -102,37 +91,7 @@ def finish(
     warnings: tuple[str, ...] = (),
     candidates: tuple[ArmaCandidate, ...] = (),
 ) -> ArmaFit:
-    """Turn the maximum of a scaled signal into estimates with errors, tests and flags.
-
-    Parameters
-    ----------
-    unit : (n,) ndarray
-        (signal - centre)/scale.
-    best : Climb
-        Its maximum.
-    p : int
-        Number of phi.
-    centre, scale : float
-        In u.
-    rate : float
-        Samples a second.
-    errors : {"outer_product", "information", "robust"}
-        As for `fit_arma`.
-    warnings : tuple of str
-        Flags found before.
-    candidates : tuple of ArmaCandidate
-        Orders that were compared.
-
-    Returns
-    -------
-    ArmaFit
-        In u.
-
-    Raises
-    ------
-    EstimationError
-        The signal is foreseen without error.
-    """
+    """Turn the maximum of a scaled signal into estimates with errors, tests and flags."""
     n, k = unit.size, best.coefficients.size
     phi, theta = split(best.coefficients, p)
     _, information, outer = scores(unit, best.coefficients, p, best.at)
@@ -250,22 +209,7 @@ def _flags(
 
 
 def edge_flags(coefficients: FloatArray, p: int, n: int) -> list[str]:
-    """Say which roots are too near the unit circle for the record.
-
-    Parameters
-    ----------
-    coefficients : (p + q,) ndarray
-        phi, theta.
-    p : int
-        Number of phi.
-    n : int
-        Samples.
-
-    Returns
-    -------
-    list of str
-        Empty if none.
-    """
+    """Say which roots are too near the unit circle for the record."""
     phi, theta = split(coefficients, p)
     limit = max(UNIT_ROOT, _RECORD_OF_A_POLE / n)
     flags = []
@@ -283,20 +227,7 @@ def edge_flags(coefficients: FloatArray, p: int, n: int) -> list[str]:
 
 
 def nearest_pair(coefficients: FloatArray, p: int) -> tuple[float, complex, complex]:
-    """Distance between the closest pole and zero, and both; infinite if there is no pair.
-
-    Parameters
-    ----------
-    coefficients : (p + q,) ndarray
-        phi, theta.
-    p : int
-        Number of phi.
-
-    Returns
-    -------
-    tuple of float and two complex
-        Distance, pole, zero.
-    """
+    """Distance between the closest pole and zero, and both; infinite if there is no pair."""
     phi, theta = split(coefficients, p)
     if not (phi.size and theta.size):
         return math.inf, 0j, 0j
@@ -311,18 +242,6 @@ def is_common_factor(distance: float, at: Likelihood, without: Likelihood) -> bo
 
     A slow Gauss-Markov noise under much white noise is a close pair too, but one that the
     likelihood holds on to; a pair that cancels gains next to nothing.
-
-    Parameters
-    ----------
-    distance : float
-        Between pole and zero.
-    at, without : Likelihood
-        With the pair, and of the model of both orders less one.
-
-    Returns
-    -------
-    bool
-        True for a common factor (spec 5.1: closer than 0.02).
     """
     return distance <= COMMON_FACTOR and 2.0 * (at.value - without.value) < _COMMON_FACTOR_GAIN
 

@@ -59,22 +59,7 @@ def admissible(coefficients: FloatArray, p: int) -> bool:
 
 
 def likelihood(signal: FloatArray, coefficients: FloatArray, p: int) -> Likelihood:
-    """Evaluate the exact likelihood, mean and innovation variance being the best ones.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Of about unit variance and mean zero.
-    coefficients : (p + q,) ndarray
-        phi, theta.
-    p : int
-        Number of phi.
-
-    Returns
-    -------
-    Likelihood
-        At the given coefficients.
-    """
+    """Evaluate the exact likelihood, mean and innovation variance being the best ones."""
     from schuler.kernels.arma import exact_innovations
 
     padded, gain = harvey_form(*split(coefficients, p))
@@ -87,22 +72,7 @@ def likelihood(signal: FloatArray, coefficients: FloatArray, p: int) -> Likeliho
 
 
 def innovations(signal: FloatArray, coefficients: FloatArray, p: int) -> Innovations:
-    """Return the standardised innovations sample by sample.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Less its mean.
-    coefficients : (p + q,) ndarray
-        phi, theta.
-    p : int
-        Number of phi.
-
-    Returns
-    -------
-    Innovations
-        Their variance is the innovation variance at every sample.
-    """
+    """Return the standardised innovations sample by sample."""
     from schuler.kernels.arma import exact_innovations
 
     padded, gain = harvey_form(*split(coefficients, p))
@@ -118,24 +88,6 @@ def approximate_slope(
 
     de/dphi_i = -w(t-i) with w = x/theta(B); de/dtheta_j = -z(t-j) with z = e/theta(B). The start
     of the record is treated as if nothing had been before.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        As for `likelihood`.
-    coefficients : (p + q,) ndarray
-        phi, theta.
-    p : int
-        Number of phi.
-    at : Likelihood
-        Evaluated there.
-
-    Returns
-    -------
-    gradient : (p + q,) ndarray
-        Of the log likelihood.
-    information : (p + q, p + q) ndarray
-        Its expected curvature.
     """
     from scipy.signal import lfilter
 
@@ -172,26 +124,7 @@ def approximate_slope(
 def exact_slope(
     signal: FloatArray, coefficients: FloatArray, p: int, at: Likelihood
 ) -> tuple[FloatArray, FloatArray]:
-    """Gradient and information of the exact likelihood, mean and variance being the best ones.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        As for `likelihood`.
-    coefficients : (p + q,) ndarray
-        phi, theta; stationary and invertible.
-    p : int
-        Number of phi.
-    at : Likelihood
-        Evaluated there.
-
-    Returns
-    -------
-    gradient : (p + q,) ndarray
-        Of the log likelihood.
-    information : (p + q, p + q) ndarray
-        Its expected curvature.
-    """
+    """Gradient and information of the exact likelihood, mean and variance being the best ones."""
     centred = signal - at.mean
     here = innovations(centred, coefficients, p)
     slopes, jumps = _derivatives(centred, coefficients, p, here)
@@ -221,28 +154,7 @@ def _beside(
 def scores(
     signal: FloatArray, coefficients: FloatArray, p: int, at: Likelihood
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Exact derivatives of the log likelihood of every sample, summed up in two ways.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        As for `likelihood`.
-    coefficients : (p + q,) ndarray
-        phi, theta.
-    p : int
-        Number of phi.
-    at : Likelihood
-        Evaluated there.
-
-    Returns
-    -------
-    gradient : (p + q + 2,) ndarray
-        By mean, phi, theta, innovation variance; zero at the maximum.
-    information : (p + q + 2, p + q + 2) ndarray
-        Expected information given the past.
-    outer : (p + q + 2, p + q + 2) ndarray
-        Sum of the outer products of the scores.
-    """
+    """Exact derivatives of the log likelihood of every sample, summed up in two ways."""
     n, k = signal.size, coefficients.size
     centred = signal - at.mean
     here = innovations(centred, coefficients, p)

@@ -65,26 +65,7 @@ def _step(gradient: FloatArray, information: FloatArray, damping: float) -> Floa
 def climb(
     signal: FloatArray, start: FloatArray, p: int, *, rough: bool = False, steps: int = 60
 ) -> Climb:
-    """Follow damped Gauss-Newton steps uphill; every step is judged by the exact likelihood.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Of about unit variance and mean zero.
-    start : (p + q,) ndarray
-        Stationary and invertible.
-    p : int
-        Number of phi.
-    rough : bool
-        Stop near the maximum, with the slope of the residuals alone.
-    steps : int
-        At most.
-
-    Returns
-    -------
-    Climb
-        Stationary and invertible.
-    """
+    """Follow damped Gauss-Newton steps uphill; every step is judged by the exact likelihood."""
     coefficients, at = start, likelihood(signal, start, p)
     distance, taken, exact = np.inf, 0, False
     if coefficients.size == 0:
@@ -177,24 +158,7 @@ def _farther(
 def search(
     signal: FloatArray, p: int, q: int, hints: Iterable[FloatArray] = (), *, rough: bool = False
 ) -> Climb:
-    """Find the maximum of the likelihood: many starts on a segment, the best ones on all of it.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Of about unit variance and mean zero.
-    p, q : int
-        Orders.
-    hints : iterable of (p + q,) ndarray
-        More starts, for instance from smaller models.
-    rough : bool
-        Stop near the maximum.
-
-    Returns
-    -------
-    Climb
-        The best of all.
-    """
+    """Find the maximum of the likelihood: many starts on a segment, the best ones on all of it."""
     if p + q == 0:
         return climb(signal, np.zeros(0), 0)
     segment = signal[:SEGMENT]
@@ -214,21 +178,7 @@ def search(
 
 
 def starts(signal: FloatArray, p: int, q: int) -> list[FloatArray]:
-    """Coefficients to start from: Hannan-Rissanen, autoregressive, and poles beside zeros.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Of about unit variance and mean zero.
-    p, q : int
-        Orders.
-
-    Returns
-    -------
-    list of (p + q,) ndarray
-        Stationary and invertible. None of them is an estimate: Hannan-Rissanen is biased by many
-        standard errors in long records.
-    """
+    """Coefficients to start from: Hannan-Rissanen, autoregressive, and poles beside zeros."""
     found = [_hannan_rissanen(signal, p, q)]
     if q:
         found.append(np.concatenate([_hannan_rissanen(signal, p, 0), np.zeros(q)]))

@@ -25,28 +25,7 @@ def find_cautions(
     method: str,
     mean_square: float,
 ) -> tuple[Caution, ...]:
-    """Look for everything that would mislead the user of a fit.
-
-    Parameters
-    ----------
-    series : Series
-        What was fitted.
-    orders : Orders
-        All orders.
-    reflection : (p,) ndarray
-        Of the order reached.
-    requested : int
-        The order asked for.
-    method : str
-        Estimator.
-    mean_square : float
-        Explicit one-step error in units of the scaled signal squared.
-
-    Returns
-    -------
-    tuple of Caution
-        Empty if there is nothing to say.
-    """
+    """Look for everything that would mislead the user of a fit."""
     order = reflection.size
     a = orders.coefficients[order - 1, :order] if order else np.zeros(0)
     found = []

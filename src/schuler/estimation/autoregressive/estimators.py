@@ -77,20 +77,7 @@ class LagTable:
             self._head[k, 1:], self._tail[k, 1:] = np.cumsum(early), np.cumsum(late)
 
     def gram(self, order: int, first: int | None = None) -> FloatArray:
-        """Sums over n = first .. N-1 (from zero) of y(n-i) y(n-j), for i, j = 0 .. order.
-
-        Parameters
-        ----------
-        order : int
-            Size less one.
-        first : int, optional
-            First n, at least `order` and at most the highest lag; default `order`.
-
-        Returns
-        -------
-        (order + 1, order + 1) ndarray
-            Row and column 0 belong to y(n) itself.
-        """
+        """Sums over n = first .. N-1 (from zero) of y(n-i) y(n-j), for i, j = 0 .. order."""
         start = order if first is None else first
         i, j = np.indices((order + 1, order + 1))
         lag, near = np.abs(i - j), np.minimum(i, j)
@@ -100,20 +87,7 @@ class LagTable:
 
 
 def trusted(gram: FloatArray, energy: float) -> bool:
-    """Tell whether normal equations with this Gram matrix keep eight digits.
-
-    Parameters
-    ----------
-    gram : (p + 1, p + 1) ndarray
-        With y(n) first.
-    energy : float
-        Sum of all squares: much more than a diagonal entry if the energy sits in the ends.
-
-    Returns
-    -------
-    bool
-        False asks for the orthogonal way.
-    """
+    """Tell whether normal equations with this Gram matrix keep eight digits."""
     diagonal = np.diag(gram)
     if not diagonal.min() > _SPIKED_END * energy:
         return False
@@ -123,22 +97,7 @@ def trusted(gram: FloatArray, energy: float) -> bool:
 
 
 def lagged_rows(signal: FloatArray, order: int, first: int) -> Iterator[FloatArray]:
-    """Blocks of rows (y(n-1), .., y(n-p), y(n)) from n = first on.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Samples.
-    order : int
-        p.
-    first : int
-        First n, counted from zero; at least p.
-
-    Yields
-    ------
-    (k, p + 1) ndarray
-        Rows.
-    """
+    """Blocks of rows (y(n-1), .., y(n-p), y(n)) from n = first on."""
     windows = np.lib.stride_tricks.sliding_window_view(signal[first - order :], order + 1)
     for start in range(0, len(windows), _ROWS):
         part = windows[start : start + _ROWS, ::-1]
@@ -146,20 +105,7 @@ def lagged_rows(signal: FloatArray, order: int, first: int) -> Iterator[FloatArr
 
 
 def triangular_factor(blocks: Iterator[FloatArray], columns: int) -> FloatArray:
-    """R of the QR factorisation of rows that come in blocks; memory of one block.
-
-    Parameters
-    ----------
-    blocks : iterator of (k, columns) ndarray
-        Rows.
-    columns : int
-        Width.
-
-    Returns
-    -------
-    (columns, columns) ndarray
-        Upper triangular.
-    """
+    """R of the QR factorisation of rows that come in blocks; memory of one block."""
     factor = np.zeros((0, columns))
     for block in blocks:
         factor = np.asarray(np.linalg.qr(np.concatenate([factor, block]), mode="r"))
@@ -184,43 +130,13 @@ def _solve_gram(gram: FloatArray, samples: int) -> tuple[FloatArray, float]:
 
 
 def quadratic_error(gram: FloatArray, coefficients: FloatArray, samples: int) -> float:
-    """Mean squared one-step error of any coefficients from a Gram matrix.
-
-    Parameters
-    ----------
-    gram : (p + 1, p + 1) ndarray
-        With y(n) first.
-    coefficients : (p,) ndarray
-        a_1 .. a_p.
-    samples : int
-        Terms in the sums.
-
-    Returns
-    -------
-    float
-        In units of the signal squared.
-    """
+    """Mean squared one-step error of any coefficients from a Gram matrix."""
     full = np.append(1.0, coefficients)
     return max(float(full @ gram @ full) / samples, 0.0)
 
 
 def explicit_error(signal: FloatArray, coefficients: FloatArray, first: int) -> float:
-    """Mean squared one-step error of any coefficients from the residuals themselves.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Samples.
-    coefficients : (p,) ndarray
-        a_1 .. a_p.
-    first : int
-        First sample predicted, counted from zero; at least p.
-
-    Returns
-    -------
-    float
-        In units of the signal squared.
-    """
+    """Mean squared one-step error of any coefficients from the residuals themselves."""
     from schuler.kernels.autoregressive import one_step_residuals
 
     residuals = np.empty(signal.size - first)
@@ -229,20 +145,7 @@ def explicit_error(signal: FloatArray, coefficients: FloatArray, first: int) -> 
 
 
 def yule_walker(signal: FloatArray, order: int) -> Orders:
-    """Levinson's recursion on the biased autocovariance: S003 (6)-(9g); always stable.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Scaled samples.
-    order : int
-        Highest order.
-
-    Returns
-    -------
-    Orders
-        `error` is E_k, which counts the record as if zeros stood before and behind it.
-    """
+    """Levinson's recursion on the biased autocovariance: S003 (6)-(9g); always stable."""
     from schuler.kernels.autoregressive import lag_products
 
     products = np.empty(order + 1)
@@ -252,22 +155,7 @@ def yule_walker(signal: FloatArray, order: int) -> Orders:
 
 
 def burg(signal: FloatArray, order: int, floor: float) -> Orders:
-    """Burg's lattice: S003 (10)-(13); always stable.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Scaled samples.
-    order : int
-        Highest order.
-    floor : float
-        Mean squared error at which the lattice ends.
-
-    Returns
-    -------
-    Orders
-        `error` is the mean of forward and backward squared errors behind each stage.
-    """
+    """Burg's lattice: S003 (10)-(13); always stable."""
     from schuler.kernels.autoregressive import burg_lattice
 
     reflection, error = np.zeros(order), np.zeros(order)
@@ -279,42 +167,12 @@ def burg(signal: FloatArray, order: int, floor: float) -> Orders:
 
 
 def covariance(signal: FloatArray, order: int, floor: float) -> Orders:
-    """Least squares on n = k+1 .. N for every order k, no window: S003 3.2.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Scaled samples.
-    order : int
-        Highest order.
-    floor : float
-        Mean squared error at which higher orders are not determined.
-
-    Returns
-    -------
-    Orders
-        `error` is the mean over the N - k terms.
-    """
+    """Least squares on n = k+1 .. N for every order k, no window: S003 3.2."""
     return _least_squares(signal, order, floor, both_ways=False)
 
 
 def modified_covariance(signal: FloatArray, order: int, floor: float) -> Orders:
-    """Least squares of forward and backward prediction together.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Scaled samples.
-    order : int
-        Highest order.
-    floor : float
-        Mean squared error at which higher orders are not determined.
-
-    Returns
-    -------
-    Orders
-        `error` is the mean over the 2 (N - k) terms.
-    """
+    """Least squares of forward and backward prediction together."""
     return _least_squares(signal, order, floor, both_ways=True)
 
 
@@ -359,20 +217,7 @@ def _lower_order(whole: FloatArray, ways: tuple[FloatArray, ...], k: int, order:
 
 
 def nested_errors(signal: FloatArray, order: int) -> FloatArray:
-    """Least mean squared errors of orders 0 .. p, all on the same samples n = p+1 .. N.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Scaled samples.
-    order : int
-        Highest order p.
-
-    Returns
-    -------
-    (p + 1,) ndarray
-        What information criteria compare (spec 3).
-    """
+    """Least mean squared errors of orders 0 .. p, all on the same samples n = p+1 .. N."""
     table = LagTable(signal, order)
     gram = table.gram(order)
     terms = signal.size - order

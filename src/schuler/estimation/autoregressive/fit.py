@@ -83,18 +83,7 @@ class ArOrders:
         return len(self.solver)
 
     def polynomial(self, order: int) -> FloatArray:
-        """Return (a_1 .. a_k) of one order.
-
-        Parameters
-        ----------
-        order : int
-            k, from 0 to `reached`.
-
-        Returns
-        -------
-        (k,) ndarray
-            Coefficients.
-        """
+        """Return (a_1 .. a_k) of one order."""
         if not 0 <= order <= self.reached:
             raise InputError(f"order {order}", expected=f"0 to {self.reached}")
         return self.coefficients[order - 1, :order].copy() if order else np.zeros(0)
@@ -103,36 +92,7 @@ class ArOrders:
 def fit_ar_orders(
     signal: ArrayLike, max_order: int, method: Method = "burg", *, remove_mean: bool = True
 ) -> ArOrders:
-    """Fit all orders from 1 to `max_order` at once.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples at a constant interval, in any unit u; n > 2 max_order.
-    max_order : int
-        Highest order, at least 1.
-    method : {"burg", "yule-walker", "covariance", "modified covariance"}
-        Estimator.
-    remove_mean : bool
-        Take the mean off first. Leaving it in is for those who know that it is zero.
-
-    Returns
-    -------
-    ArOrders
-        Coefficients and innovation variances; use `fit_ar` for errors and cautions.
-
-    Raises
-    ------
-    InputError
-        Unknown method, an impossible order, not finite, too short.
-    EstimationError
-        A signal that does not vary.
-
-    Notes
-    -----
-    O(N p) for every method: one lattice (Burg), one autocorrelation (Levinson), or lag products
-    with end corrections and O(p²) Gram matrices (least squares; QR where they are ill-conditioned).
-    """
+    """Fit all orders from 1 to `max_order` at once."""
     series = _series(signal, max_order, method, remove_mean)
     return _in_units(_estimate(series, max_order, method), series, method, max_order)
 
@@ -235,25 +195,7 @@ def select_ar(
 
 
 def whiten_lattice(signal: ArrayLike, reflection: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Forward and backward prediction errors by the lattice of S003 Fig. 4, from rest.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples less their mean, in u.
-    reflection : (p,) array_like
-        gamma_1 .. gamma_p.
-
-    Returns
-    -------
-    forward, backward : (n,) ndarray
-        e_f(n) = y(n) + sum a_k y(n-k) and e_b(n) = y(n-p) + sum a_k y(n-p+k), in u, with zeros
-        before the first sample: the first p values are not yet predictions from p samples.
-
-    Notes
-    -----
-    S003 (12): e_f' = e_f + gamma e_b(n-1), e_b' = e_b(n-1) + gamma e_f.
-    """
+    """Forward and backward prediction errors by the lattice of S003 Fig. 4, from rest."""
     forward = np.array(signal, dtype=np.float64)
     if forward.ndim != 1:
         raise InputError(f"signal has shape {forward.shape}", expected="(n,)")

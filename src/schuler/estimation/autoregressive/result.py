@@ -215,18 +215,7 @@ class ArFit:
 
 
 def poles_of(coefficients: FloatArray) -> NDArray[np.complex128]:
-    """Roots of A(z) in z, largest first.
-
-    Parameters
-    ----------
-    coefficients : (p,) ndarray
-        a_1 .. a_p.
-
-    Returns
-    -------
-    (p,) ndarray of complex
-        Poles.
-    """
+    """Roots of A(z) in z, largest first."""
     roots = np.asarray(np.roots(np.append(1.0, coefficients)), dtype=np.complex128)
     # np.roots drops roots at zero that trailing zero coefficients stand for
     roots = np.append(roots, np.zeros(coefficients.size - roots.size))
@@ -234,20 +223,7 @@ def poles_of(coefficients: FloatArray) -> NDArray[np.complex128]:
 
 
 def coefficient_covariance(coefficients: FloatArray, samples: int) -> FloatArray:
-    """Covariance of estimated coefficients in long records: sigma² R^-1/N of the model itself.
-
-    Parameters
-    ----------
-    coefficients : (p,) ndarray
-        Of a stable model.
-    samples : int
-        N.
-
-    Returns
-    -------
-    (p, p) ndarray
-        By the formula of Gohberg and Semencul, which needs neither R nor sigma².
-    """
+    """Covariance of estimated coefficients in long records: sigma² R^-1/N of the model itself."""
     from scipy.linalg import toeplitz
 
     p = coefficients.size
@@ -257,16 +233,5 @@ def coefficient_covariance(coefficients: FloatArray, samples: int) -> FloatArray
 
 
 def reflection_of(coefficients: FloatArray) -> FloatArray:
-    """Reflection coefficients of a fitted polynomial.
-
-    Parameters
-    ----------
-    coefficients : (p,) ndarray
-        a_1 .. a_p.
-
-    Returns
-    -------
-    (p,) ndarray
-        See `schuler.noise.lattice.step_down`.
-    """
+    """Reflection coefficients of a fitted polynomial."""
     return step_down(coefficients)

@@ -65,20 +65,7 @@ class Theory:
 
 
 def correlation_points(values: FloatArray, rate: float) -> CorrelationPoints:
-    """Average the autocorrelation of a signal over neighbouring lags.
-
-    Parameters
-    ----------
-    values : (n,) ndarray
-        Signal; its mean is taken off.
-    rate : float
-        Samples a second.
-
-    Returns
-    -------
-    CorrelationPoints
-        From one sample to a tenth of the record.
-    """
+    """Average the autocorrelation of a signal over neighbouring lags."""
     from schuler.curves.autocorrelation import autocorrelation
 
     curve = autocorrelation(values, rate)
@@ -99,24 +86,7 @@ def theory_of(
     spectrum: SpectrumCurve,
     correlation: CorrelationPoints,
 ) -> Theory:
-    """Return what a process says the measured curves are.
-
-    Parameters
-    ----------
-    process : Process
-        In the unit of the signal.
-    allan : AllanCurve
-        Measured.
-    spectrum : SpectrumCurve
-        Measured.
-    correlation : CorrelationPoints
-        Measured.
-
-    Returns
-    -------
-    Theory
-        None for a curve that the process does not have.
-    """
+    """Return what a process says the measured curves are."""
     dt = 1.0 / spectrum.rate
     return Theory(
         allan=_or_none(lambda: np.sqrt(process.allan_variance(allan.tau))),

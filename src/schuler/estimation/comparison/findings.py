@@ -45,18 +45,7 @@ _PROCESS_METHODS = ("ml", "gmwm", "allan", "psd")
 
 
 def words_of(parameter: str) -> str:
-    """Return the name of a parameter for people.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as "gauss_markov_2.sigma".
-
-    Returns
-    -------
-    str
-        Such as "Gauss-Markov 2 sigma".
-    """
+    """Return the name of a parameter for people."""
     name, _, field = parameter.partition(".")
     kind, _, number = name.rpartition("_")
     if not number.isdecimal():
@@ -66,22 +55,7 @@ def words_of(parameter: str) -> str:
 
 
 def spoken(value: float, quantity: str, name: str) -> str:
-    """Return a number in datasheet units where the signal is a known channel, else in its own.
-
-    Parameters
-    ----------
-    value : float
-        In SI.
-    quantity : str
-        Such as "bias instability".
-    name : str
-        Of the signal.
-
-    Returns
-    -------
-    str
-        E.g. "5.16 deg/h".
-    """
+    """Return a number in datasheet units where the signal is a known channel, else in its own."""
     sensor = name.split("_")[0]
     if sensor in ("gyro", "accel"):
         return format_value(value, f"{sensor} {quantity}", digits=3)
@@ -97,30 +71,7 @@ def findings_of(
     residuals: Mapping[str, ResidualDiagnostics],
     failures: Mapping[str, str],
 ) -> tuple[str, ...]:
-    """Collect what is worth knowing.
-
-    Parameters
-    ----------
-    name : str
-        Of the signal.
-    curve : AllanCurve
-        Measured.
-    spectrum : SpectrumCurve
-        Measured.
-    results : mapping of str to Identification or MethodIdentification
-        By method.
-    parameters : sequence of ParameterAgreement
-        Side by side.
-    residuals : mapping of str to ResidualDiagnostics
-        By method.
-    failures : mapping of str to str
-        Methods without an answer.
-
-    Returns
-    -------
-    tuple of str
-        Sentences.
-    """
+    """Collect what is worth knowing."""
     lines = [
         *_agreement(parameters),
         *_misfit(results),

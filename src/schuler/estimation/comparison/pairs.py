@@ -71,19 +71,7 @@ class ParameterComparison:
     only_second: tuple[str, ...]
 
     def outside(self, deviations: float = 2.0) -> tuple[str, ...]:
-        """Return the parameters that differ by more than this many combined standard deviations.
-
-        Parameters
-        ----------
-        deviations : float
-            How many.
-
-        Returns
-        -------
-        tuple of str
-            Empty where the methods agree. Both methods see the same data, so their differences
-            are smaller than those of independent records would be.
-        """
+        """Return the parameters that differ by more than this many combined standard deviations."""
         return tuple(r.parameter for r in self.rows if not abs(r.difference) <= deviations)
 
     def findings(self) -> tuple[str, ...]:
@@ -116,25 +104,7 @@ class ParameterComparison:
 def compare_parameters(
     first: Fitted, second: Fitted, methods: tuple[str, str] = ("spectrum", "Allan")
 ) -> ParameterComparison:
-    """Compare the parameters of two identifications in units of their combined errors.
-
-    Parameters
-    ----------
-    first, second : SpectrumFit, Identification or anything alike
-        Results with `.parameters` and `.standard_errors`.
-    methods : (str, str)
-        Names for people.
-
-    Returns
-    -------
-    ParameterComparison
-        A row for every parameter both have.
-
-    Raises
-    ------
-    InputError
-        They have no parameter in common.
-    """
+    """Compare the parameters of two identifications in units of their combined errors."""
     ours, theirs = first.parameters, second.parameters
     common = [key for key in ours if key in theirs]
     if not common:

@@ -66,18 +66,7 @@ class ParameterAgreement:
 
 
 def comparable(result: MethodResult) -> dict[str, tuple[float, float]]:
-    """Return the parameters of the processes of a result under names that methods share.
-
-    Parameters
-    ----------
-    result : MethodResult
-        Any; empty for those whose parameters are not those of a sum of processes.
-
-    Returns
-    -------
-    dict of str to (float, float)
-        Value and standard error (zero if unknown); without those that vanished in the fit.
-    """
+    """Return the parameters of the processes of a result under names that methods share."""
     process, errors = result.process, result.standard_errors
     if not isinstance(process, ProcessSum):
         return {}
@@ -119,35 +108,13 @@ def _place(key: str) -> tuple[int, str, bool]:
 
 
 def combined_difference(first: tuple[float, float], second: tuple[float, float]) -> float:
-    """Difference of two logarithms in combined standard deviations.
-
-    Parameters
-    ----------
-    first, second : (float, float)
-        Value above zero and standard error.
-
-    Returns
-    -------
-    float
-        Positive where the second is larger; zero where no error is known.
-    """
+    """Difference of two logarithms in combined standard deviations."""
     spread = math.hypot(first[1] / first[0], second[1] / second[0])
     return math.log(second[0] / first[0]) / spread if spread > 0.0 else 0.0
 
 
 def compare_parameters(results: Mapping[str, MethodResult]) -> tuple[ParameterAgreement, ...]:
-    """Lay the parameters of several methods side by side.
-
-    Parameters
-    ----------
-    results : mapping of str to MethodResult
-        By method.
-
-    Returns
-    -------
-    tuple of ParameterAgreement
-        For every parameter that some method found.
-    """
+    """Lay the parameters of several methods side by side."""
     found = {method: comparable(result) for method, result in results.items()}
     keys = sorted({key for named in found.values() for key in named}, key=_place)
     return tuple(_compared(key, {m: n[key] for m, n in found.items() if key in n}) for key in keys)
@@ -173,20 +140,7 @@ def _compared(key: str, found: dict[str, tuple[float, float]]) -> ParameterAgree
 
 
 def shared_structure(process: Process | None, method: str) -> Process | None:
-    """Return the parts of a structure that a method can fit.
-
-    Parameters
-    ----------
-    process : Process or None
-        Structure that another method chose.
-    method : str
-        The method that shall fit it.
-
-    Returns
-    -------
-    Process or None
-        None where nothing is left.
-    """
+    """Return the parts of a structure that a method can fit."""
     if process is None:
         return None
     unknown = {

@@ -108,26 +108,7 @@ class ReplicateComparison:
 def compare_replicates(
     runs: Sequence[ImuMethodComparison], names: Sequence[str] | None = None
 ) -> ReplicateComparison:
-    """Pool the parameters of several runs by every method, and compare methods and runs.
-
-    Parameters
-    ----------
-    runs : sequence of ImuMethodComparison
-        Of one sensor; best with one process as the model of all, so that parameters mean the
-        same in every run.
-    names : sequence of str, optional
-        Of the runs; default those of their recordings.
-
-    Returns
-    -------
-    ReplicateComparison
-        Heterogeneity of the runs by every method, agreement of the methods on pooled values.
-
-    Raises
-    ------
-    EstimationError
-        Fewer than two runs.
-    """
+    """Pool the parameters of several runs by every method, and compare methods and runs."""
     if len(runs) < 2:
         raise EstimationError(f"{len(runs)} run", expected="at least two")
     channels = [c for c in runs[0].channels if all(c in r.channels for r in runs)]

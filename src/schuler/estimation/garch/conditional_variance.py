@@ -18,25 +18,7 @@ _LONGEST_BURN_IN = 200_000
 
 
 def weights(values: ArrayLike, what: str) -> FloatArray:
-    """Return one or more finite weights, zero or above.
-
-    Parameters
-    ----------
-    values : float or (k,) array_like
-        Weights.
-    what : str
-        Their name.
-
-    Returns
-    -------
-    (k,) ndarray
-        float64.
-
-    Raises
-    ------
-    ModelError
-        Negative or not finite.
-    """
+    """Return one or more finite weights, zero or above."""
     array = np.atleast_1d(np.asarray(values, dtype=np.float64))
     if array.ndim != 1 or not np.isfinite(array).all() or (array < 0.0).any():
         raise ModelError(f"{what} is {array.tolist()}", expected="finite numbers, zero or above")
@@ -44,18 +26,7 @@ def weights(values: ArrayLike, what: str) -> FloatArray:
 
 
 def backcast(residuals: FloatArray) -> float:
-    """Variance before the first sample: weighted squares of the first 75 samples.
-
-    Parameters
-    ----------
-    residuals : (n,) ndarray
-        Mean zero.
-
-    Returns
-    -------
-    float
-        With weights 0.94^k, as is usual for GARCH likelihoods.
-    """
+    """Variance before the first sample: weighted squares of the first 75 samples."""
     first = residuals[:BACKCAST_SAMPLES] ** 2
     weight = BACKCAST_DECAY ** np.arange(first.size)
     return float(first @ weight / weight.sum())
@@ -64,29 +35,7 @@ def backcast(residuals: FloatArray) -> float:
 def garch_conditional_variance(
     residuals: ArrayLike, alpha0: float, alpha: ArrayLike, beta: ArrayLike, *, before: float
 ) -> FloatArray:
-    """One-step-ahead variances; each depends on the samples before it alone.
-
-    Parameters
-    ----------
-    residuals : (n,) array_like
-        Mean zero, in u.
-    alpha0 : float
-        In u².
-    alpha, beta : float or array_like
-        Weights of past squares and of past variances, newest first.
-    before : float
-        Square and variance before the first sample in u².
-
-    Returns
-    -------
-    (n,) ndarray
-        Variance of sample t given the samples before t, in u².
-
-    Raises
-    ------
-    InputError, ModelError
-        Not finite; negative weights.
-    """
+    """One-step-ahead variances; each depends on the samples before it alone."""
     from schuler.kernels.garch import garch_variances
 
     values = checked_signal(residuals, 0, varying=False)
@@ -107,33 +56,7 @@ def garch_log_likelihood(
     *,
     before: float | None = None,
 ) -> float:
-    """Gaussian log likelihood of GARCH(p, q) at given parameters.
-
-    Parameters
-    ----------
-    residuals : (n,) array_like
-        Mean zero, in u.
-    alpha0 : float
-        In u².
-    alpha, beta : float or array_like
-        Weights of past squares and of past variances.
-    before : float, optional
-        Square and variance before the first sample; the backcast by default.
-
-    Returns
-    -------
-    float
-        -1/2 sum (ln 2 pi + ln s + e²/s).
-
-    Raises
-    ------
-    InputError, ModelError
-        Not finite; negative weights; a variance of zero.
-
-    Notes
-    -----
-    Spec 5.2, S000 (7).
-    """
+    """Gaussian log likelihood of GARCH(p, q) at given parameters."""
     values = checked_signal(residuals, 1, varying=False)
     start = backcast(values) if before is None else before
     variances = garch_conditional_variance(values, alpha0, alpha, beta, before=start)
@@ -146,32 +69,7 @@ def garch_log_likelihood(
 def ewma_variance(
     residuals: ArrayLike, decay: float = EWMA_DECAY, *, before: float | None = None
 ) -> FloatArray:
-    """Exponentially weighted variance of the past: GARCH without parameters to fit.
-
-    Parameters
-    ----------
-    residuals : (n,) array_like
-        Mean zero, in u.
-    decay : float
-        Weight of the variance before, 0.98 by default: a memory of 50 samples.
-    before : float, optional
-        Variance before the first sample; without it the first square stands in, and the first
-        variance is that of the first sample itself.
-
-    Returns
-    -------
-    (n,) ndarray
-        Variance of sample t from the samples before t, in u².
-
-    Raises
-    ------
-    InputError
-        A decay outside 0 .. 1, not finite.
-
-    Notes
-    -----
-    RiskMetrics; spec 5.2, the robust fallback.
-    """
+    """Exponentially weighted variance of the past: GARCH without parameters to fit."""
     if not 0.0 < decay < 1.0:
         raise InputError(f"decay {decay:g}", expected="a number between 0 and 1")
     values = checked_signal(residuals, 1, varying=False)
@@ -182,35 +80,7 @@ def ewma_variance(
 def simulate_garch(
     samples: int, alpha0: float, alpha: ArrayLike, beta: ArrayLike, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw GARCH noise with Gaussian Z, after a start that has been forgotten.
-
-    Parameters
-    ----------
-    samples : int
-        Length.
-    alpha0 : float
-        In u².
-    alpha, beta : float or array_like
-        Weights of past squares and of past variances.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    noise : (samples,) ndarray
-        In u.
-    variance : (samples,) ndarray
-        Its true conditional variance in u².
-
-    Raises
-    ------
-    ModelError
-        No finite variance: the weights sum to one or more.
-
-    Notes
-    -----
-    Spec 5.2 and 1.1. The start is run for ten half-lives, at most 200 000 samples.
-    """
+    """Draw GARCH noise with Gaussian Z, after a start that has been forgotten."""
     from schuler.kernels.garch import garch_noise
 
     if samples < 0:

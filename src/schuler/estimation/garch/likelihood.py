@@ -81,23 +81,7 @@ class GarchSolution:
 def garch_slopes(
     unit: FloatArray, p: int, q: int, before: float
 ) -> Callable[[FloatArray, FloatArray], Slopes]:
-    """Bind noise and orders to the likelihood kernel.
-
-    Parameters
-    ----------
-    unit : (n,) ndarray
-        Noise of about unit variance.
-    p, q : int
-        Orders.
-    before : float
-        Variance before the first sample.
-
-    Returns
-    -------
-    callable
-        From parameters and an array for the outer products of the scores (empty: not wanted) to
-        value, gradient, information.
-    """
+    """Bind noise and orders to the likelihood kernel."""
     from schuler.kernels.garch import arma_garch_slopes, garch11_slopes
 
     squares = unit**2
@@ -123,20 +107,7 @@ _NO_OUTER = np.zeros((0, 0))
 
 
 def solve(unit: FloatArray, p: int, q: int) -> GarchSolution:
-    """Find the maximum over alpha0, alpha and beta from all starts.
-
-    Parameters
-    ----------
-    unit : (n,) ndarray
-        Noise of about unit variance.
-    p, q : int
-        Orders.
-
-    Returns
-    -------
-    GarchSolution
-        With QMLE errors: inverse observed information around the outer product of the scores.
-    """
+    """Find the maximum over alpha0, alpha and beta from all starts."""
     before, k = backcast(unit), p + q + 1
     evaluate = garch_slopes(unit, p, q, before)
     problem = Problem(
@@ -209,25 +180,7 @@ def _at_constant(
 
 
 def solve_targeted(unit: FloatArray, p: int, q: int) -> GarchSolution:
-    """Find the maximum over alpha and beta, alpha0 being s² (1 - persistence).
-
-    Parameters
-    ----------
-    unit : (n,) ndarray
-        Noise of about unit variance.
-    p, q : int
-        Orders.
-
-    Returns
-    -------
-    GarchSolution
-        The errors take in that of the sample variance s².
-
-    Notes
-    -----
-    Francq, Horváth and Zakoïan 2011: (1 - persistence)(s² - variance) is, up to the ends of the
-    record, (1 - sum beta) times the mean of e² - s, so that s² has scores like the others.
-    """
+    """Find the maximum over alpha and beta, alpha0 being s² (1 - persistence)."""
     before = backcast(unit)
     variance = float(np.mean(unit**2))
     evaluate = garch_slopes(unit, p, q, before)

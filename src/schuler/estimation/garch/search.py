@@ -76,24 +76,7 @@ class Summit:
 def climb(
     problem: Problem, start: FloatArray, steps: int = 80, close: float = CLOSE_ENOUGH
 ) -> Summit:
-    """Follow damped scoring steps uphill within the bounds.
-
-    Parameters
-    ----------
-    problem : Problem
-        What to climb.
-    start : (k,) ndarray
-        Within the bounds.
-    steps : int
-        At most.
-    close : float
-        Squared distance to the maximum in standard errors at which to stop.
-
-    Returns
-    -------
-    Summit
-        The highest point reached.
-    """
+    """Follow damped scoring steps uphill within the bounds."""
     here = start.copy()
     value, gradient, information = problem.evaluate(here)
     for _ in range(steps):
@@ -159,20 +142,7 @@ def _moved(problem: Problem, here: FloatArray, step: FloatArray) -> FloatArray |
 
 
 def observed_information(problem: Problem, summit: Summit) -> FloatArray:
-    """Negative second derivative of the likelihood by differences of its gradient.
-
-    Parameters
-    ----------
-    problem : Problem
-        What was climbed.
-    summit : Summit
-        Where.
-
-    Returns
-    -------
-    (k, k) ndarray
-        Symmetric; the expected information if it is not positive definite.
-    """
+    """Negative second derivative of the likelihood by differences of its gradient."""
     here, k = summit.parameters, summit.parameters.size
     hessian = np.empty((k, k))
     for i in range(k):
@@ -197,20 +167,7 @@ def observed_information(problem: Problem, summit: Summit) -> FloatArray:
 
 
 def inverse(matrix: FloatArray) -> tuple[FloatArray, bool]:
-    """Invert a non-negative matrix, and tell whether some direction is not determined.
-
-    Parameters
-    ----------
-    matrix : (k, k) ndarray
-        Symmetric.
-
-    Returns
-    -------
-    inverse : (k, k) ndarray
-        With eigenvalues floored.
-    singular : bool
-        True if one had to be.
-    """
+    """Invert a non-negative matrix, and tell whether some direction is not determined."""
     diagonal = np.diag(matrix)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     by = np.outer(scale, scale)

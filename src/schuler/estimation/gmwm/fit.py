@@ -91,29 +91,7 @@ def fit_gmwm(
 def fit_gmwm_curves(
     curves: Sequence[WaveletVarianceCurve], model: Model = "auto", tails: float = 1.0
 ) -> GmwmIdentification:
-    """Fit one model to wavelet variance curves of one sensor.
-
-    Parameters
-    ----------
-    curves : sequence of WaveletVarianceCurve
-        At one rate.
-    model : {"auto", "classical"} or Process
-        As for `fit_gmwm`.
-    tails : float
-        Variance at the finest scale over its robust value, for the flag; 1 if unknown.
-
-    Returns
-    -------
-    GmwmIdentification
-        As from `fit_gmwm`.
-
-    Raises
-    ------
-    EstimationError
-        A signal that does not vary or is too short.
-    InputError
-        Curves at different rates.
-    """
+    """Fit one model to wavelet variance curves of one sensor."""
     if any(c.rate != curves[0].rate for c in curves):
         raise InputError("records at different rates", expected="one rate")
     for curve in curves:
@@ -189,25 +167,7 @@ def _fits(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float
 
 
 def one_channel(signal: ArrayLike) -> NDArray[Any]:
-    """Check that a signal is one channel of at least a hundred samples.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples.
-
-    Returns
-    -------
-    (n,) ndarray
-        The same.
-
-    Raises
-    ------
-    InputError
-        Not one-dimensional.
-    EstimationError
-        Too short.
-    """
+    """Check that a signal is one channel of at least a hundred samples."""
     values = np.asarray(signal)
     if values.ndim != 1:
         raise InputError(f"signal has shape {values.shape}", expected="(n,), one channel at a time")
@@ -221,18 +181,7 @@ def one_channel(signal: ArrayLike) -> NDArray[Any]:
 
 
 def tail_ratio(values: NDArray[Any]) -> float:
-    """Compare the variance at the finest scale with what it is without outliers.
-
-    Parameters
-    ----------
-    values : (n,) ndarray
-        Signal.
-
-    Returns
-    -------
-    float
-        Variance of the differences over its robust value; 1 where most of them are zero.
-    """
+    """Compare the variance at the finest scale with what it is without outliers."""
     step = np.diff(values.astype(np.float64))
     plain = float(step @ step) / step.size
     if plain == 0.0 or median_scale(step) == 0.0:
@@ -241,20 +190,7 @@ def tail_ratio(values: NDArray[Any]) -> float:
 
 
 def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVarianceCurve:
-    """Return the curve at scales from `shortest` s on.
-
-    Parameters
-    ----------
-    curve : WaveletVarianceCurve
-        A curve.
-    shortest : float
-        Scale in s.
-
-    Returns
-    -------
-    WaveletVarianceCurve
-        Without the faster scales.
-    """
+    """Return the curve at scales from `shortest` s on."""
     keep = curve.scale >= shortest * (1.0 - 1e-9)
     return replace(
         curve,

@@ -73,22 +73,7 @@ def _logs(parts: Sequence[Process], names: Names) -> FloatArray:
 
 
 def with_logs(parts: Sequence[Process], names: Names, logs: FloatArray) -> tuple[Process, ...]:
-    """Return the parts with other values of their free parameters.
-
-    Parameters
-    ----------
-    parts : sequence of Process
-        A structure.
-    names : tuple of (int, str)
-        Part and field of every free parameter.
-    logs : (p,) ndarray
-        Logarithms of the values.
-
-    Returns
-    -------
-    tuple of Process
-        In the same order.
-    """
+    """Return the parts with other values of their free parameters."""
     values: list[dict[str, float]] = [{} for _ in parts]
     for (k, name), log in zip(names, logs, strict=True):
         values[k][name] = math.exp(log)
@@ -221,25 +206,7 @@ def _bounds(curves: Sequence[WaveletVarianceCurve]) -> tuple[float, float]:
 def heterogeneity(
     fit: MomentFit, curves: Sequence[WaveletVarianceCurve], discrepancy: float = 0.0
 ) -> tuple[float, int]:
-    """Test what the common parameters of several records cost beside separate ones.
-
-    Parameters
-    ----------
-    fit : MomentFit
-        The common fit.
-    curves : sequence of WaveletVarianceCurve
-        The records that were fitted.
-    discrepancy : float
-        As it was granted to the common fit.
-
-    Returns
-    -------
-    chi_square : float
-        Misfit of the common parameters less the sum of the smallest misfits of every record,
-        all with the weights of the common fit.
-    degrees_of_freedom : int
-        (records - 1) times parameters that the curves can see.
-    """
+    """Test what the common parameters of several records cost beside separate ones."""
     weighted = _weights(curves, fit.process, discrepancy)
     bounds = _bounds(curves)
     common, _ = _minimise(fit.parts, fit.names, fit.logs, weighted, bounds)
@@ -259,24 +226,7 @@ def fit_moments(
     discrepancy: float = 0.0,
     steps: int = 15,
 ) -> MomentFit:
-    """Fit a structure to the wavelet variances of one or several records.
-
-    Parameters
-    ----------
-    parts : sequence of Process
-        Structure and start values near the solution, amplitudes above zero.
-    curves : sequence of WaveletVarianceCurve
-        One a record; lengths may differ.
-    discrepancy : float
-        Relative standard deviation of a wavelet variance by which no model is better.
-    steps : int
-        Times that the weights are computed at most, at least two.
-
-    Returns
-    -------
-    MomentFit
-        With sandwich covariance, J and information criterion.
-    """
+    """Fit a structure to the wavelet variances of one or several records."""
     names = free_parameters(parts)
     logs, standing = _logs(parts, names), False
     bounds = _bounds(curves)

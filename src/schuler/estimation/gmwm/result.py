@@ -65,26 +65,7 @@ def describe_fit(
     candidates: Mapping[str, float],
     tails: float,
 ) -> GmwmIdentification:
-    """Turn a fit into a result with errors, intervals, limits and flags.
-
-    Parameters
-    ----------
-    fit : MomentFit
-        The fit.
-    curves : sequence of WaveletVarianceCurve
-        What was fitted.
-    granted : float
-        Relative standard deviation that was granted to every wavelet variance.
-    candidates : mapping of str to float
-        Criterion of the structures that were compared.
-    tails : float
-        Variance at the finest scale over its robust value; 1 if unknown.
-
-    Returns
-    -------
-    GmwmIdentification
-        In the unit of the signal.
-    """
+    """Turn a fit into a result with errors, intervals, limits and flags."""
     from scipy.special import chdtrc
 
     process = fit.process

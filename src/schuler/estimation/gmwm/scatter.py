@@ -18,21 +18,7 @@ _QUIET = ("rate_ramp", "turn_on_bias", "sinusoid")
 
 
 def relative_covariance(process: Process, curve: WaveletVarianceCurve) -> FloatArray:
-    """Covariance of an estimated wavelet variance over the product of its expectations.
-
-    Parameters
-    ----------
-    process : Process
-        What the signal is. Ramps, constants and sinusoids do not scatter.
-    curve : WaveletVarianceCurve
-        For scales, length and how outliers were held back.
-
-    Returns
-    -------
-    (t, t) ndarray
-        From Gaussian fourth moments (`allan_covariance`); for robust curves with the scatter of
-        the M-estimate.
-    """
+    """Covariance of an estimated wavelet variance over the product of its expectations."""
     random = tuple(p for p in process.components if p.kind not in _QUIET)
     noise: Process = ProcessSum(random) if random else WhiteNoise(1.0)
     dt, factors = 1.0 / curve.rate, curve.factors
@@ -71,38 +57,13 @@ def misfit(variance: FloatArray, model: FloatArray, relative: FloatArray) -> flo
 
     The cube root of a chi-square is nearly normal (Wilson and Hilferty) where the chi-square of
     the few degrees of freedom at long scales is not.
-
-    Parameters
-    ----------
-    variance : (t,) ndarray
-        Estimate.
-    model : (t,) ndarray
-        Expectation.
-    relative : (t, t) ndarray
-        Covariance of the estimate over products of the expectations.
-
-    Returns
-    -------
-    float
-        Chi-square with t degrees of freedom if the model is true.
     """
     root = 3.0 * (np.cbrt(variance / model) - 1.0 + np.diag(relative) / 9.0)
     return float(root @ np.linalg.solve(relative, root))
 
 
 def pooled_points(curves: Sequence[WaveletVarianceCurve]) -> CurvePoints:
-    """Average curves of one sensor, each by the number of its coefficients.
-
-    Parameters
-    ----------
-    curves : sequence of WaveletVarianceCurve
-        At one rate.
-
-    Returns
-    -------
-    CurvePoints
-        Allan variances (twice the wavelet variances) at the scales that all curves have.
-    """
+    """Average curves of one sensor, each by the number of its coefficients."""
     shared = curves[0].factors
     for curve in curves[1:]:
         shared = np.intersect1d(shared, curve.factors)
@@ -124,22 +85,7 @@ def pooled_points(curves: Sequence[WaveletVarianceCurve]) -> CurvePoints:
 def pooled_scatter(
     process: Process, curves: Sequence[WaveletVarianceCurve], points: CurvePoints
 ) -> Scatter:
-    """Scatter of the logarithms of averaged curves, for the choice of the structure.
-
-    Parameters
-    ----------
-    process : Process
-        As far as it is known.
-    curves : sequence of WaveletVarianceCurve
-        The curves.
-    points : CurvePoints
-        Their average.
-
-    Returns
-    -------
-    Scatter
-        With the log-chi-square moments.
-    """
+    """Scatter of the logarithms of averaged curves, for the choice of the structure."""
     from scipy.special import digamma, polygamma
 
     total = math.fsum(c.samples for c in curves)

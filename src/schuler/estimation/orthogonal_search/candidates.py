@@ -32,24 +32,7 @@ class Candidates:
 
     @classmethod
     def all_up_to(cls, max_lag: int, degree: int, inputs: int, input_lags: int) -> Candidates:
-        """List y(n-1) .. y(n-L), x(n) .. x(n-K) of every input, and all their products.
-
-        Parameters
-        ----------
-        max_lag : int
-            L.
-        degree : int
-            1, or 2 for the products.
-        inputs : int
-            Number of inputs.
-        input_lags : int
-            K.
-
-        Returns
-        -------
-        Candidates
-            Linear terms first.
-        """
+        """List y(n-1) .. y(n-L), x(n) .. x(n-K) of every input, and all their products."""
         factors = [(0, lag) for lag in range(1, max_lag + 1)]
         factors += [(j, lag) for j in range(1, inputs + 1) for lag in range(input_lags + 1)]
         pairs = [(f, (-1, 0)) for f in factors]
@@ -70,18 +53,7 @@ class Candidates:
         return int(self.lags.max(initial=0))
 
     def some(self, chosen: Sequence[int]) -> Candidates:
-        """Return a few of the candidates.
-
-        Parameters
-        ----------
-        chosen : sequence of int
-            Which, in the wanted order.
-
-        Returns
-        -------
-        Candidates
-            Those.
-        """
+        """Return a few of the candidates."""
         index = np.array(chosen, dtype=np.int64)
         return Candidates(self.sources[index], self.lags[index])
 
@@ -106,20 +78,7 @@ class Signals:
     series: Series
 
     def blocks(self, candidates: Candidates, first: int) -> Iterator[FloatArray]:
-        """Blocks of (1, candidates, signal) by sample, from sample `first` (from zero) on.
-
-        Parameters
-        ----------
-        candidates : Candidates
-            Terms.
-        first : int
-            First sample predicted.
-
-        Yields
-        ------
-        (c + 2, k) ndarray
-            Less the products of means; the memory is used again for the next block.
-        """
+        """Blocks of (1, candidates, signal) by sample, from sample `first` (from zero) on."""
         from schuler.kernels.orthogonal_search import fill_candidates
 
         width = max(256, _BLOCK_NUMBERS // (candidates.count + 2))
@@ -135,27 +94,7 @@ class Signals:
 
 
 def gather(signal: ArrayLike, inputs: Sequence[ArrayLike], fewest: int) -> Signals:
-    """Check, centre and scale the signal and its inputs.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        To be predicted.
-    inputs : sequence of (n,) array_like
-        Known signals.
-    fewest : int
-        Samples needed.
-
-    Returns
-    -------
-    Signals
-        Ready for the search.
-
-    Raises
-    ------
-    InputError
-        Bad arrays, or inputs of another length.
-    """
+    """Check, centre and scale the signal and its inputs."""
     every = [prepare(signal, fewest=fewest)]
     for k, column in enumerate(inputs, 1):
         found = prepare(column, fewest=1)
@@ -174,24 +113,7 @@ def gather(signal: ArrayLike, inputs: Sequence[ArrayLike], fewest: int) -> Signa
 
 
 def centred_gram(blocks: Iterator[FloatArray], size: int) -> tuple[FloatArray, FloatArray, int]:
-    """Gram matrix of centred rows, and their means, in one pass.
-
-    Parameters
-    ----------
-    blocks : iterator of (size + 1, k) ndarray
-        A row of ones first.
-    size : int
-        Rows without the ones.
-
-    Returns
-    -------
-    gram : (size, size) ndarray
-        Sums of products about the means.
-    means : (size,) ndarray
-        Means of the rows.
-    samples : int
-        Columns in all.
-    """
+    """Gram matrix of centred rows, and their means, in one pass."""
     total = np.zeros((size + 1, size + 1))
     for block in blocks:
         total += block @ block.T

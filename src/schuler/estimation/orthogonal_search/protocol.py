@@ -100,38 +100,7 @@ def search_by_protocol(
     stopping: Stopping | None = "family-wise",
     horizons: Sequence[int] = (1, 10, 100, 1000),
 ) -> OrthogonalSearchProtocol:
-    """Train on the first part, choose lags and degree on the second, predict the rest.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        In u.
-    training, evaluation : int
-        Samples of the first two parts (the paper: 3 min each).
-    max_lags, degrees : sequence of int
-        Settings tried.
-    max_terms, stopping
-        As in `fast_orthogonal_search`.
-    horizons : sequence of int
-        Steps ahead in the prediction part.
-
-    Returns
-    -------
-    OrthogonalSearchProtocol
-        Model, evaluation of all settings, errors on the last part.
-
-    Raises
-    ------
-    InputError
-        Parts that the record does not hold.
-    EstimationError
-        A one-step error below 0.9 of the innovation variance of the last part.
-
-    Notes
-    -----
-    Spec 4.5. Where settings tie within chance the first (simplest) is kept: a later one must
-    lower the evaluation error by two standard errors of the paired difference.
-    """
+    """Train on the first part, choose lags and degree on the second, predict the rest."""
     data = np.asarray(signal, dtype=np.float64)
     if data.ndim != 1 or min(training, evaluation) < 1 or data.size < training + evaluation + 2048:
         raise InputError(

@@ -249,18 +249,7 @@ class FosFit:
 
 
 def term_name(lags: Term, sources: Term) -> str:
-    """Write a term as people do.
-
-    Parameters
-    ----------
-    lags, sources : tuple of int
-        Of its factors.
-
-    Returns
-    -------
-    str
-        Such as "y(n-1) x1(n-3)".
-    """
+    """Write a term as people do."""
     factors = []
     for lag, source in zip(lags, sources, strict=True):
         signal = "y" if source == 0 else f"x{source}"

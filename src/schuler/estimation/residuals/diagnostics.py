@@ -133,26 +133,7 @@ def diagnose_residuals(
     variance: float | None = None,
     block: int = 1,
 ) -> ResidualDiagnostics | None:
-    """Look at the one-step prediction errors of a model.
-
-    Parameters
-    ----------
-    residuals : (n,) array_like
-        In any unit.
-    fitted_parameters : int
-        Coefficients for correlation that were fitted to the same data.
-    expected_variance : float, optional
-        What the model says.
-    variance : float, optional
-        Mean square in the unit of the signal, where the residuals are standardised.
-    block : int
-        Samples in a mean, where means were predicted.
-
-    Returns
-    -------
-    ResidualDiagnostics or None
-        None where there are fewer than 200 residuals, or they do not vary.
-    """
+    """Look at the one-step prediction errors of a model."""
     from scipy.special import ndtri
 
     values = np.asarray(residuals, dtype=np.float64)
@@ -189,27 +170,7 @@ def diagnose_residuals(
 
 
 def process_residuals(signal: ArrayLike, process: Process, rate: float) -> FloatArray:
-    """One-step prediction errors of the Kalman filter that a process makes optimal.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        In u; its mean is taken off.
-    process : Process
-        In u.
-    rate : float
-        Samples a second.
-
-    Returns
-    -------
-    (n - w,) ndarray
-        In u, without the first w samples (a hundredth, at most 1000), in which the filter settles.
-
-    Notes
-    -----
-    States without a start variance (random walks) begin with that of the signal, because its
-    level at the start is not known.
-    """
+    """One-step prediction errors of the Kalman filter that a process makes optimal."""
     from schuler.kernels.prediction import kalman_states
 
     values = np.asarray(signal, dtype=np.float64)

@@ -76,31 +76,6 @@ def robust_autocorrelation_band(residuals: ArrayLike, lags: int, z: float = 2.0)
 
     Holds when the variance of the residual changes with its own past (GARCH), where the plain
     band z/sqrt(n) is too narrow.
-
-    Parameters
-    ----------
-    residuals : (n,) array_like
-        Mean zero.
-    lags : int
-        Largest lag.
-    z : float
-        2 for about 95 %.
-
-    Returns
-    -------
-    (lags,) ndarray
-        z sqrt(mean(e_t² e_(t-k)²)/(s⁴ n)) at lags 1 .. lags.
-
-    Raises
-    ------
-    InputError
-        Not one-dimensional, not finite.
-    EstimationError
-        Too few samples, or no variation.
-
-    Notes
-    -----
-    Spec 8.1, Figs 9-11.
     """
     values = _varying(residuals, lags)
     return np.asarray(z * np.sqrt(_robust_variances(values, lags) / values.size))
@@ -232,25 +207,7 @@ def _arch_lm(squares: FloatArray, products: FloatArray) -> HypothesisTest:
 
 
 def jarque_bera_test(residuals: ArrayLike) -> HypothesisTest:
-    """Test whether skewness and kurtosis are those of Gaussian noise.
-
-    Parameters
-    ----------
-    residuals : (n,) array_like
-        Any unit.
-
-    Returns
-    -------
-    HypothesisTest
-        n (S² + (K - 3)²/4)/6, chi-square with 2 degrees of freedom.
-
-    Raises
-    ------
-    InputError
-        Not one-dimensional, not finite.
-    EstimationError
-        Too few samples, or no variation.
-    """
+    """Test whether skewness and kurtosis are those of Gaussian noise."""
     values = _varying(residuals, 1)
     values = values - values.mean()
     squares = values * values
@@ -289,20 +246,7 @@ class ResidualTests:
 
 
 def residual_tests(residuals: ArrayLike, *, fitted_parameters: int = 0) -> ResidualTests | None:
-    """Run all tests, 20 lags for correlation and 10 for changing variance.
-
-    Parameters
-    ----------
-    residuals : (n,) array_like
-        Mean zero.
-    fitted_parameters : int
-        ARMA coefficients that were fitted to the same data.
-
-    Returns
-    -------
-    ResidualTests or None
-        None where there are too few residuals or their squares do not vary.
-    """
+    """Run all tests, 20 lags for correlation and 10 for changing variance."""
     lags = 20 + fitted_parameters
     try:
         values = _varying(residuals, lags)

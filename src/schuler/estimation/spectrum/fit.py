@@ -136,31 +136,7 @@ def identify_spectrum(
     segment: int | None = None,
     band: tuple[float, float] | None = None,
 ) -> SpectrumFit:
-    """Find the processes of a signal from its power spectral density.
-
-    Parameters
-    ----------
-    signal : (n,) array_like
-        Samples at rest.
-    rate : float
-        Samples a second.
-    model : {"auto", "classical"} or Process
-        As for `fit_spectrum`.
-    segment : int, optional
-        As for `power_spectral_density`.
-    band : (float, float), optional
-        As for `fit_spectrum`.
-
-    Returns
-    -------
-    SpectrumFit
-        Processes with standard errors.
-
-    Raises
-    ------
-    InputError, EstimationError, ModelError
-        As from `power_spectral_density` and `fit_spectrum`.
-    """
+    """Find the processes of a signal from its power spectral density."""
     return fit_spectrum(
         power_spectral_density(signal, rate, onesided=False, segment=segment), model, band=band
     )
@@ -172,39 +148,7 @@ def fit_spectrum(
     *,
     band: tuple[float, float] | None = None,
 ) -> SpectrumFit:
-    """Fit a sum of processes to an averaged density by the likelihood of its points.
-
-    Parameters
-    ----------
-    curve : SpectrumCurve
-        With frequency averaging; one- or two-sided, read as two-sided.
-    model : {"auto", "classical"} or Process
-        "auto" chooses among white noise, quantisation, up to three Gauss-Markov noises and a
-        random walk; "classical" is white noise + bias instability + random walk; a process (sum)
-        fixes the structure.
-    band : (float, float), optional
-        Frequencies in Hz to which the fit is restricted. Without it, points above a twentieth of
-        the rate are left out where nothing fits them.
-
-    Returns
-    -------
-    SpectrumFit
-        Processes with standard errors, misfit, slope method beside it.
-
-    Raises
-    ------
-    InputError
-        A density without frequency averaging, an unknown model.
-    EstimationError
-        A signal that does not vary, or fewer than 8 points.
-    ModelError
-        A model that a spectrum does not show (ramps, lines).
-
-    Notes
-    -----
-    Spec 2.2. Gamma (Whittle) likelihood of averaged periodograms; the model is the spectrum of
-    the samples, aliases included.
-    """
+    """Fit a sum of processes to an averaged density by the likelihood of its points."""
     if "constant" in curve.flags:
         raise EstimationError("signal does not vary", expected="noise")
     if curve.first[0] == 0:

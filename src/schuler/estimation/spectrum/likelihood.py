@@ -93,18 +93,7 @@ class SpectrumPoints:
         )
 
     def expected(self, part: Process) -> FloatArray:
-        """Return what a process puts into every point on average.
-
-        Parameters
-        ----------
-        part : Process
-            A process with a `sampled_psd`.
-
-        Returns
-        -------
-        (b,) ndarray
-            Two-sided density.
-        """
+        """Return what a process puts into every point on average."""
         values = part.sampled_psd(self.cycles, self.dt) * self.dt
         size = self.frequency.size
         return np.asarray(np.bincount(self.group, self.share * values, minlength=size))
@@ -118,20 +107,7 @@ def _weights(covariance: FloatArray) -> FloatArray:
 def spectrum_points(
     curve: SpectrumCurve, band: tuple[float, float] | None = None
 ) -> SpectrumPoints:
-    """Prepare an averaged density for a fit.
-
-    Parameters
-    ----------
-    curve : SpectrumCurve
-        With frequency averaging, of a signal that varies.
-    band : (float, float), optional
-        Only points between these frequencies in Hz.
-
-    Returns
-    -------
-    SpectrumPoints
-        Points of positive density.
-    """
+    """Prepare an averaged density for a fit."""
     low, high = band if band is not None else (0.0, math.inf)
     keep = (curve.frequency >= low) & (curve.frequency <= high) & (curve.density > 0.0)
     cycles: list[FloatArray] = []
@@ -202,22 +178,7 @@ class SpectrumStructureFit:
 
 
 def scaled_under(part: Process, points: SpectrumPoints, share: float = 0.5) -> Process:
-    """Give a part the amplitude at which it is nowhere above a share of the density.
-
-    Parameters
-    ----------
-    part : Process
-        Of a kind with an amplitude; its value is ignored.
-    points : SpectrumPoints
-        The density.
-    share : float
-        Of the density.
-
-    Returns
-    -------
-    Process
-        As a start of a fit.
-    """
+    """Give a part the amplitude at which it is nowhere above a share of the density."""
     amplitude = FREE[part.kind][0]
     unit = replace(part, **{amplitude: 1.0})  # type: ignore[type-var]
     shape = np.maximum(points.expected(unit), 1e-300)
@@ -229,23 +190,7 @@ def scaled_under(part: Process, points: SpectrumPoints, share: float = 0.5) -> P
 
 
 def checked_structure(parts: Sequence[Process]) -> tuple[tuple[int, str], ...]:
-    """Return the free parameters of a structure that a spectrum can show.
-
-    Parameters
-    ----------
-    parts : sequence of Process
-        A structure.
-
-    Returns
-    -------
-    tuple of (int, str)
-        Part and field.
-
-    Raises
-    ------
-    ModelError
-        No free parameter, a kind that is not fitted, or one that only has lines.
-    """
+    """Return the free parameters of a structure that a spectrum can show."""
     for part in parts:
         if part.kind in _LINES:
             raise ModelError(
@@ -293,22 +238,7 @@ def _evaluate(
 def fit_spectrum_structure(
     parts: Sequence[Process], points: SpectrumPoints, iterations: int = 60
 ) -> SpectrumStructureFit:
-    """Maximise the likelihood over the logarithms of the parameters by Fisher scoring.
-
-    Parameters
-    ----------
-    parts : sequence of Process
-        Structure and start values, amplitudes above zero.
-    points : SpectrumPoints
-        What to fit.
-    iterations : int
-        At most.
-
-    Returns
-    -------
-    SpectrumStructureFit
-        Correlation times stay between the sample interval and 20 records.
-    """
+    """Maximise the likelihood over the logarithms of the parameters by Fisher scoring."""
     names = checked_structure(parts)
     logs = np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
     times = np.array([n == "correlation_time" for _, n in names], dtype=bool)
@@ -358,22 +288,7 @@ def fit_spectrum_structure(
 
 
 def smallest_seen(fit: SpectrumStructureFit, index: int, points: SpectrumPoints) -> float:
-    """Return the amplitude at which a term would just begin to show.
-
-    Parameters
-    ----------
-    fit : SpectrumStructureFit
-        Where the term has vanished.
-    index : int
-        Which of its free parameters, an amplitude.
-    points : SpectrumPoints
-        What was fitted.
-
-    Returns
-    -------
-    float
-        Root of the standard deviation of its square, all other terms being free.
-    """
+    """Return the amplitude at which a term would just begin to show."""
     k, name = fit.names[index]
     unit = replace(fit.parts[k], **{name: 1.0})  # type: ignore[type-var]
     logs = np.array([math.log(max(abs(getattr(fit.parts[i], n)), 1e-300)) for i, n in fit.names])

@@ -72,19 +72,7 @@ class SpectrumReadings:
 
 
 def spectrum_slopes(curve: SpectrumCurve) -> SpectrumReadings:
-    """Read N, B, K and Q off an averaged density.
-
-    Parameters
-    ----------
-    curve : SpectrumCurve
-        One- or two-sided; it is read as two-sided.
-
-    Returns
-    -------
-    SpectrumReadings
-        From the longest run (in decades) whose local slope is within 0.25, and its own
-        standard error, of 0, -1, -2 and 2.
-    """
+    """Read N, B, K and Q off an averaged density."""
     good = curve.density > 0.0
     frequency, density = curve.frequency[good], curve.two_sided[good]
     freedom = curve.degrees_of_freedom[good]
@@ -120,21 +108,7 @@ def spectrum_slopes(curve: SpectrumCurve) -> SpectrumReadings:
 def local_spectral_slope(
     x: FloatArray, y: FloatArray, freedom: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Slope of log density against log frequency about every point.
-
-    Parameters
-    ----------
-    x, y : (b,) ndarray
-        Decadic logarithms of frequency and density.
-    freedom : (b,) ndarray
-        Degrees of freedom, as weights, at most a hundred times apart.
-
-    Returns
-    -------
-    slope, error : (b,) ndarray
-        By weighted least squares over 0.6 decades, of at least five points, and its standard
-        error.
-    """
+    """Slope of log density against log frequency about every point."""
     weight_all = np.minimum(freedom, 100.0 * freedom.min())
     slope, error = np.empty(x.size), np.empty(x.size)
     # relative variance of a density is 2/freedom

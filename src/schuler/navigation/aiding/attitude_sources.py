@@ -299,22 +299,7 @@ class CorrelatedGnss:
 
 
 def earth_field(declination: float, inclination: float, intensity: float) -> FloatArray:
-    """Return the magnetic field of the earth in north, east, down.
-
-    Parameters
-    ----------
-    declination : float
-        Of magnetic from true north, growing to the east, rad.
-    inclination : float
-        Below the horizontal, rad.
-    intensity : float
-        Of the whole field, any unit.
-
-    Returns
-    -------
-    (3,) ndarray
-        In the unit of the intensity.
-    """
+    """Return the magnetic field of the earth in north, east, down."""
     level = intensity * np.cos(inclination)
     return np.array(
         [
@@ -326,39 +311,13 @@ def earth_field(declination: float, inclination: float, intensity: float) -> Flo
 
 
 def height_of_pressure(pressure: ArrayLike, reference: float = 101325.0) -> FloatArray:
-    """Return heights in the standard atmosphere.
-
-    Parameters
-    ----------
-    pressure : array_like
-        Pa.
-    reference : float
-        Pressure at height zero, Pa.
-
-    Returns
-    -------
-    ndarray
-        m; ICAO standard atmosphere below 11 km, 44330.77 (1 - (p / p0)^0.190263).
-    """
+    """Return heights in the standard atmosphere."""
     ratio = np.asarray(pressure, dtype=np.float64) / reference
     return np.asarray(44330.77 * (1.0 - ratio**0.190263))
 
 
 def pressure_per_height(pressure: ArrayLike, reference: float = 101325.0) -> FloatArray:
-    """Return by how much pressure falls with height in the standard atmosphere.
-
-    Parameters
-    ----------
-    pressure : array_like
-        Pa.
-    reference : float
-        Pressure at height zero, Pa.
-
-    Returns
-    -------
-    ndarray
-        Pa/m, positive: 12.0 at sea level. The slope of `height_of_pressure`.
-    """
+    """Return by how much pressure falls with height in the standard atmosphere."""
     ratio = np.asarray(pressure, dtype=np.float64) / reference
     return np.asarray(reference * ratio**0.809737 / (44330.77 * 0.190263))
 

@@ -97,18 +97,7 @@ class AidingSchedule:
         return int(self.time.size)
 
     def select(self, keep: NDArray[np.bool_] | slice) -> AidingSchedule:
-        """Return some of the measurements.
-
-        Parameters
-        ----------
-        keep : (u,) ndarray of bool or slice
-            Which.
-
-        Returns
-        -------
-        AidingSchedule
-            In the same order.
-        """
+        """Return some of the measurements."""
         return replace(
             self,
             time=self.time[keep],
@@ -151,18 +140,7 @@ class GnssPosition:
     sd_factor: float = 1.0
 
     def rows(self) -> AidingSchedule:
-        """Return one row an epoch.
-
-        Returns
-        -------
-        AidingSchedule
-            Kind `POSITION`.
-
-        Raises
-        ------
-        InputError
-            Standard deviations are not known.
-        """
+        """Return one row an epoch."""
         sd = _known(self.recording.position_sd, self.recording, "position")
         return _schedule(
             self.recording.time + self.time_offset,
@@ -183,18 +161,7 @@ class GnssVelocity:
     sd_factor: float = 1.0
 
     def rows(self) -> AidingSchedule:
-        """Return one row an epoch, none if the receiver gave no velocity.
-
-        Returns
-        -------
-        AidingSchedule
-            Kind `VELOCITY`.
-
-        Raises
-        ------
-        InputError
-            Standard deviations are not known.
-        """
+        """Return one row an epoch, none if the receiver gave no velocity."""
         velocity = self.recording.velocity
         if velocity is None:
             return _schedule(
@@ -211,20 +178,7 @@ class GnssVelocity:
 
 
 def merge_schedules(parts: Sequence[AidingSchedule], start: float, stop: float) -> AidingSchedule:
-    """Sort several schedules into one and keep what falls inside the IMU's time.
-
-    Parameters
-    ----------
-    parts : sequence of AidingSchedule
-        Any order.
-    start, stop : float
-        First and last time of the IMU, s.
-
-    Returns
-    -------
-    AidingSchedule
-        Sorted by time; at equal times in the order of the parts.
-    """
+    """Sort several schedules into one and keep what falls inside the IMU's time."""
     time = np.concatenate([p.time for p in parts])
     order = np.argsort(time, kind="stable")
     order = order[(time[order] >= start) & (time[order] <= stop)]
@@ -248,30 +202,7 @@ def merge_schedules(parts: Sequence[AidingSchedule], start: float, stop: float) 
 def linear_measurements(
     time: ArrayLike, value: ArrayLike, matrix: ArrayLike, covariance: ArrayLike
 ) -> AidingSchedule:
-    """Measure linear functions of the sensor states: z = G x + noise. Spec 7.5.
-
-    Parameters
-    ----------
-    time : (k,) array_like
-        Seconds on the IMU's axis.
-    value : (k, r) array_like
-        z at each time.
-    matrix : (r, m) array_like
-        G, the same at all times; x are the sensor errors themselves, not what is left of them.
-    covariance : (r, r) array_like
-        Of the noise of one z, with correlations; they are whitened here.
-
-    Returns
-    -------
-    AidingSchedule
-        ceil(r / 3) measurements of kind `LINEAR` a time. Their normalised squares add up to that
-        of the whole z.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit, or a covariance that is not positive definite.
-    """
+    """Measure linear functions of the sensor states: z = G x + noise. Spec 7.5."""
     when = np.atleast_1d(np.asarray(time, dtype=np.float64))
     z = np.atleast_2d(np.asarray(value, dtype=np.float64))
     g = np.atleast_2d(np.asarray(matrix, dtype=np.float64))
@@ -305,20 +236,7 @@ def linear_measurements(
 
 
 def require_overlap(gnss: GnssRecording, start: float, stop: float) -> None:
-    """Raise when no GNSS epoch falls inside the time of the IMU.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        The fixes.
-    start, stop : float
-        First and last time of the IMU, s.
-
-    Raises
-    ------
-    NavigationError
-        No overlap.
-    """
+    """Raise when no GNSS epoch falls inside the time of the IMU."""
     if gnss.time[-1] < start or gnss.time[0] > stop:
         raise NavigationError(
             f"GNSS covers {gnss.time[0]:.3f} to {gnss.time[-1]:.3f} s, the IMU "

@@ -91,20 +91,7 @@ class VehicleConstraint:
         return VehicleStates(self.first_state, self.mounting)
 
     def rows(self, imu: ImuRecording, gyro_density: FloatArray) -> list[AidingSchedule]:
-        """Return all constraints over a recording; the filter leaves out what cannot be.
-
-        Parameters
-        ----------
-        imu : ImuRecording
-            All six channels.
-        gyro_density : (3,) ndarray
-            White noise of the gyros, rad/s/sqrt(Hz).
-
-        Returns
-        -------
-        list of AidingSchedule
-            One a kind.
-        """
+        """Return all constraints over a recording; the filter leaves out what cannot be."""
         schedules = []
         if "nhc" in self.constraints:
             time = np.arange(imu.time[0] + 1.0, imu.time[-1], self.interval)
@@ -148,22 +135,7 @@ class Standstill:
 
 
 def detect_standstill(imu: ImuRecording) -> Standstill:
-    """Find moments at which force and rate have not changed for two seconds.
-
-    Means of the last second are compared with those of the second before it: engines shake a
-    vehicle at rest, and nothing is asked of single samples. A smooth straight road passes as
-    well; the filter's own speed must decide between the two.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-
-    Returns
-    -------
-    Standstill
-        At most two moments a second.
-    """
+    """Find moments at which force and rate have not changed for two seconds."""
     n, block = imu.size, max(round(imu.rate), 2)
     ends = np.arange(2 * block, n, max(round(REST_INTERVAL * imu.rate), 1))
     # no second across a gap
@@ -186,20 +158,7 @@ def detect_standstill(imu: ImuRecording) -> Standstill:
 def with_vehicle_states(
     model: SensorErrorModel, constraints: Sequence[str] = ("nhc",)
 ) -> SensorErrorModel:
-    """Append the states of a vehicle to those of its IMU.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Of the IMU.
-    constraints : sequence of str
-        Out of `CONSTRAINTS`.
-
-    Returns
-    -------
-    SensorErrorModel
-        With `STATES`, and `WHEEL_STATE` if asked for, at its end; they show in measurements only.
-    """
+    """Append the states of a vehicle to those of its IMU."""
     names, sd, walk = zip(*STATES, strict=True)
     with_vehicle = model.with_states(names, sd, walk_density=walk)
     if "wheel" in constraints:
@@ -210,23 +169,7 @@ def with_vehicle_states(
 
 
 def check_constraints(aiding: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of constraints once each.
-
-    Parameters
-    ----------
-    aiding : sequence of str
-        Names out of `CONSTRAINTS`.
-
-    Returns
-    -------
-    tuple of str
-        In the order of `CONSTRAINTS`.
-
-    Raises
-    ------
-    InputError
-        Another name, or one that needs another.
-    """
+    """Return the names of constraints once each."""
     names = (aiding,) if isinstance(aiding, str) else tuple(aiding)
     for name in names:
         if name not in CONSTRAINTS:

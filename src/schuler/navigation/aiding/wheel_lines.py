@@ -78,22 +78,7 @@ class VibrationBlock:
 
 
 def vibration_block(time: FloatArray, channels: FloatArray, speed: FloatArray) -> VibrationBlock:
-    """Prepare a block.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps, s.
-    channels : (n, c) ndarray
-        What was recorded.
-    speed : (n,) ndarray
-        Of the vehicle, m/s.
-
-    Returns
-    -------
-    VibrationBlock
-        For `WheelMemory`.
-    """
+    """Prepare a block."""
     n = time.size
     span = time[-1] - time[0]
     since = np.linspace(-0.5, 0.5, n)
@@ -133,13 +118,7 @@ class WheelMemory:
         self.order: float | None = None
 
     def learn(self, block: VibrationBlock) -> None:
-        """Take in a block whose speed is known, and look for the wheel anew.
-
-        Parameters
-        ----------
-        block : VibrationBlock
-            Its way is right to a few centimetres a second.
-        """
+        """Take in a block whose speed is known, and look for the wheel anew."""
         place = self._count % MOST_BLOCKS
         seen = int(np.searchsorted(SPECTRUM_ORDERS, HIGHEST_SHARE * block.rate / block.speed))
         self._spectra[place] = 1.0
@@ -150,18 +129,7 @@ class WheelMemory:
             self.order = self._find()
 
     def strengths(self, speed: float) -> FloatArray:
-        """Relative powers of the lines to be expected, from blocks at similar speeds.
-
-        Parameters
-        ----------
-        speed : float
-            m/s.
-
-        Returns
-        -------
-        (c, k) ndarray
-            By channel and harmonic.
-        """
+        """Relative powers of the lines to be expected, from blocks at similar speeds."""
         assert self.order is not None
         used = min(self._count, MOST_BLOCKS)
         weight = np.exp(-0.5 * ((self._speeds[:used] - speed) / SPEED_WIDTH) ** 2)
@@ -177,23 +145,7 @@ class WheelMemory:
     def log_likelihood(
         self, block: VibrationBlock, shifts: FloatArray, accelerations: FloatArray
     ) -> FloatArray:
-        """How much more likely an error of speed makes a block than no line at all.
-
-        Parameters
-        ----------
-        block : VibrationBlock
-            Of roughly known speed.
-        shifts : (g,) ndarray
-            True speed at the end of the block minus the one that made its way, m/s, evenly
-            spaced.
-        accelerations : (a,) ndarray
-            The same of acceleration, m/s².
-
-        Returns
-        -------
-        (a, g) ndarray
-            Logarithms of likelihood ratios.
-        """
+        """How much more likely an error of speed makes a block than no line at all."""
         assert self.order is not None
         total = np.zeros((accelerations.size, shifts.size))
         strength = self.strengths(block.speed)

@@ -88,18 +88,7 @@ class WheelSpeeds:
     order: float | None
 
     def rows(self, model: SensorErrorModel) -> AidingSchedule:
-        """Return one measurement a speed.
-
-        Parameters
-        ----------
-        model : SensorErrorModel
-            With the state `WHEEL_STATE`, which adds to what is measured.
-
-        Returns
-        -------
-        AidingSchedule
-            Kind `VEHICLE_VELOCITY`, forward only.
-        """
+        """Return one measurement a speed."""
         count = self.time.size
         value, variance = np.zeros((count, 3)), np.full((count, 3), np.inf)
         value[:, 0], variance[:, 0] = self.speed, self.sd**2
@@ -152,18 +141,7 @@ def find_wheel_speeds(
     gate: FloatArray,
     white_scale: FloatArray | None = None,
 ) -> WheelSpeeds:
-    """Run the filter block by block, and let the vibration of each speak before the next.
-
-    Parameters
-    ----------
-    imu, initial, model, schedule, vehicle, gate, white_scale
-        As for `run_engine`; the schedule without wheel speeds.
-
-    Returns
-    -------
-    WheelSpeeds
-        Causal measurements: each rests on what was recorded up to its time.
-    """
+    """Run the filter block by block, and let the vibration of each speak before the next."""
     channels = np.concatenate([imu.accel, imu.gyro], axis=1)
     step = max(round(BLOCK_INTERVAL * imu.rate), 2)
     length = round(BLOCK_SECONDS / BLOCK_INTERVAL) * step

@@ -63,40 +63,12 @@ class AllanReading:
 
 
 def allan_readings(noise_model: NoiseModel) -> dict[str, AllanReading]:
-    """Read N, B, K and the flat time of every channel off a noise model.
-
-    Parameters
-    ----------
-    noise_model : NoiseModel
-        Any sums of processes.
-
-    Returns
-    -------
-    dict of str to AllanReading
-        By channel. B is the height of the noise that is neither white nor a random walk; where a
-        model has none, it is the crossing of the two, as the eye reads it, and says so.
-    """
+    """Read N, B, K and the flat time of every channel off a noise model."""
     return {c: _reading(noise_model.process(c)) for c in noise_model.channels}
 
 
 def readings_of_static(imu: ImuRecording) -> tuple[NoiseModel, dict[str, AllanReading]]:
-    """Identify the noise of a static recording, and read it as S004 does.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels at rest.
-
-    Returns
-    -------
-    tuple of NoiseModel and dict of str to AllanReading
-        What the joint fit of the Allan curve finds, and the same in S004's four numbers.
-
-    Raises
-    ------
-    EstimationError
-        A record too short or without noise.
-    """
+    """Identify the noise of a static recording, and read it as S004 does."""
     from schuler.estimation.characterization import characterize_imu
 
     found = characterize_imu(imu).noise_model

@@ -12,34 +12,7 @@ def autoregressive_fits(
     orders: tuple[int, ...] = (1, 3),
     denoising: SensorDenoising | None = None,
 ) -> dict[int, dict[str, Autoregressive]]:
-    """Fit AR models to every channel of a static recording after de-noising.
-
-    Parameters
-    ----------
-    static : ImuRecording
-        All six channels at rest, evenly sampled.
-    orders : tuple of int
-        Orders p.
-    denoising : SensorDenoising, optional
-        Default: table 7 of S004, off-line.
-
-    Returns
-    -------
-    dict of int to dict of str to Autoregressive
-        By order, then by channel, valid at the recording's step only and with all digits: rounded
-        as in S004 table 2 they are another process, unstable in half of all cases (E-004-10).
-
-    Raises
-    ------
-    InputError
-        A record too short for the levels.
-    ModelError
-        A fit with a pole on or outside the unit circle.
-
-    Notes
-    -----
-    S004 5.3 and table 2; spec 7.3, 8.4.
-    """
+    """Fit AR models to every channel of a static recording after de-noising."""
     from schuler.estimation.autoregressive.fit import fit_ar
 
     quiet = (denoising or SensorDenoising.table_7()).apply(static)

@@ -194,23 +194,7 @@ class ErrorModel:
 
 
 def split_model_name(name: str) -> tuple[str, tuple[str, ...]]:
-    """Split "BASE+OPTION+..." and check both.
-
-    Parameters
-    ----------
-    name : str
-        Such as "18AV" or "flicker4+turn-on"; upper and lower case are the same.
-
-    Returns
-    -------
-    tuple of str and tuple of str
-        Base model and options, as in `ERROR_MODELS` and `OPTIONS`.
-
-    Raises
-    ------
-    InputError
-        A name that is not known.
-    """
+    """Split "BASE+OPTION+..." and check both."""
     base, *options = (part.strip() for part in name.split("+"))
     known = {m.lower(): m for m in ERROR_MODELS}
     if base.lower() not in known:
@@ -232,43 +216,7 @@ def error_model(
     denoising: SensorDenoising | None = None,
     changing_noise: ChangingNoise | None = None,
 ) -> ErrorModel:
-    """Build an error model of the catalogue.
-
-    Parameters
-    ----------
-    name : str
-        A base of `ERROR_MODELS`, perhaps with `OPTIONS`: "18AV", "15AV+corrected+turn-on".
-    readings : mapping of str to AllanReading
-        N, B, K and the time of the flat part, for every channel of `schuler.data.CHANNELS`.
-    autoregressive : mapping of str to Autoregressive, optional
-        For 15AR and 27AR: the fits of every channel, of order 1 and 3; see
-        `schuler.navigation.error_models.autoregressive_fits`.
-    noise_model : NoiseModel, optional
-        For "own".
-    denoising : SensorDenoising, optional
-        For 18AVWD; default: table 7 of S004, off-line.
-    changing_noise : ChangingNoise, optional
-        For "+garch", see `fitted_noise`, or "+averaged"; default for the latter: the average of
-        the last second against that of the whole drive.
-
-    Returns
-    -------
-    ErrorModel
-        For `navigate`, `prepare` and `compare_error_models`.
-
-    Raises
-    ------
-    InputError
-        A name that is not known, or channels, fits or a noise model that are missing.
-    ModelError
-        Fits of another order.
-
-    Notes
-    -----
-    Spec 7.3; S004 (19), (20), (27)-(30), table 8. White noise, Gauss-Markov noise and random walk
-    are driven independently, where S004 (7) drives two states with one noise (E-004-3), and are
-    discretised exactly, where S004 (2) takes 1 - dt/Tc (E-004-2).
-    """
+    """Build an error model of the catalogue."""
     base, options = split_model_name(name)
     missing = [c for c in CHANNELS if c not in readings]
     if missing and base != "own":

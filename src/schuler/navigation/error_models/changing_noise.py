@@ -49,25 +49,7 @@ class VarianceRecursion:
 
     @classmethod
     def averaging(cls, memory: float, interval: float) -> VarianceRecursion:
-        """Return the exponential average over a time.
-
-        Parameters
-        ----------
-        memory : float
-            s.
-        interval : float
-            Between samples, s.
-
-        Returns
-        -------
-        VarianceRecursion
-            With weights that sum to one.
-
-        Raises
-        ------
-        ModelError
-            A memory that is not above zero.
-        """
+        """Return the exponential average over a time."""
         if not (memory > 0.0 and interval > 0.0):
             raise ModelError(f"a memory of {memory:g} s", expected="above zero")
         beta = float(np.exp(-interval / memory))
@@ -104,24 +86,7 @@ class ChangingNoise:
         object.__setattr__(self, "reference", dict(self.reference))
 
     def white_scale(self, imu: ImuRecording) -> FloatArray:
-        """Return what multiplies the squared white-noise densities, sample by sample.
-
-        Parameters
-        ----------
-        imu : ImuRecording
-            All six channels, evenly sampled.
-
-        Returns
-        -------
-        (n, 6) ndarray
-            For `run`, accelerometers first; row k depends on samples before k alone, and on one
-            number a channel where no reference is given.
-
-        Notes
-        -----
-        Ratios, not variances: a sensor that filters its output shows little of its noise in second
-        differences, but shows it always alike.
-        """
+        """Return what multiplies the squared white-noise densities, sample by sample."""
         scale = np.ones((imu.size, 6))
         for c, channel in enumerate(FILTER_CHANNELS):
             recursion = self.recursions.get(channel)
@@ -141,26 +106,7 @@ class ChangingNoise:
 def one_step_variance(
     signal: FloatArray, recursion: VarianceRecursion, constant: float
 ) -> FloatArray:
-    """Variance of the white noise in every sample, given the samples before it.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        A channel, motion included.
-    recursion : VarianceRecursion
-        How variances follow squares.
-    constant : float
-        Variance in the long run, and at the start.
-
-    Returns
-    -------
-    (n,) ndarray
-        In the square of the signal's unit.
-
-    Notes
-    -----
-    The square of a second difference over six stands in for that of the sample in its middle.
-    """
+    """Variance of the white noise in every sample, given the samples before it."""
     from schuler.estimation.garch.conditional_variance import garch_conditional_variance
 
     second = np.zeros(signal.size)
@@ -177,36 +123,14 @@ def one_step_variance(
 
 
 def second_difference_variance(signal: FloatArray) -> float:
-    """Mean square of the second differences over six: the variance of white noise in a signal.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        A channel.
-
-    Returns
-    -------
-    float
-        In the square of its unit; 0 with fewer than three samples.
-    """
+    """Mean square of the second differences over six: the variance of white noise in a signal."""
     if signal.size < 3:
         return 0.0
     return float(np.mean(np.diff(signal, 2) ** 2) / SECOND_DIFFERENCE_POWER)
 
 
 def rest_variance(static: ImuRecording) -> dict[str, float]:
-    """Return the reference of every channel from a static recording.
-
-    Parameters
-    ----------
-    static : ImuRecording
-        At rest, at the rate of the drive.
-
-    Returns
-    -------
-    dict of str to float
-        For `ChangingNoise`.
-    """
+    """Return the reference of every channel from a static recording."""
     return {c: second_difference_variance(static.channel(c)) for c in CHANNELS}
 
 
@@ -215,44 +139,13 @@ def averaged_noise(
     memory: float = DEFAULT_MEMORY,
     reference: Mapping[str, float] | None = None,
 ) -> ChangingNoise:
-    """Let the noise of every channel follow the exponential average of its squares.
-
-    Parameters
-    ----------
-    interval : float
-        Between samples, s.
-    memory : float
-        s.
-    reference : mapping of str to float, optional
-        As for `ChangingNoise`.
-
-    Returns
-    -------
-    ChangingNoise
-        For `ErrorModel`.
-    """
+    """Let the noise of every channel follow the exponential average of its squares."""
     recursion = VarianceRecursion.averaging(memory, interval)
     return ChangingNoise(dict.fromkeys(CHANNELS, recursion), reference or {})
 
 
 def fitted_noise(static: ImuRecording) -> ChangingNoise:
-    """Fit a GARCH(1, 1) to the noise of every channel of a static recording.
-
-    Parameters
-    ----------
-    static : ImuRecording
-        At rest, at the rate of the drive.
-
-    Returns
-    -------
-    ChangingNoise
-        Of the channels whose variance changes; those with a constant one are left out.
-
-    Raises
-    ------
-    EstimationError
-        A channel that does not vary.
-    """
+    """Fit a GARCH(1, 1) to the noise of every channel of a static recording."""
     from schuler.estimation.garch.fit import fit_garch
 
     found = {}

@@ -12,13 +12,7 @@ TURN_ON_GYRO = float(np.radians(0.5))
 
 
 def generic_noise_model() -> NoiseModel:
-    """Where tuning starts when nobody says anything about the sensor: a consumer MEMS in a car.
-
-    Returns
-    -------
-    NoiseModel
-        White noise with vibration and a random walk on every channel.
-    """
+    """Where tuning starts when nobody says anything about the sensor: a consumer MEMS in a car."""
     from schuler.noise import RandomWalk, WhiteNoise
 
     accel = WhiteNoise(5e-3) + RandomWalk(5e-4)

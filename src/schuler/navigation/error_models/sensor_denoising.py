@@ -48,18 +48,7 @@ class SensorDenoising:
 
     @classmethod
     def table_7(cls, form: Form = "off-line") -> SensorDenoising:
-        """Seven levels, six for the accelerometers y and z: S004 table 7.
-
-        Parameters
-        ----------
-        form : {"off-line", "causal"}
-            As for the class.
-
-        Returns
-        -------
-        SensorDenoising
-            With all details removed, which is what the paper's table 2 shows (E-004-8).
-        """
+        """Seven levels, six for the accelerometers y and z: S004 table 7."""
         return cls({c: 6 if c in ("accel_y", "accel_z") else 7 for c in CHANNELS}, form=form)
 
     @property
@@ -81,24 +70,7 @@ class SensorDenoising:
         )
 
     def apply(self, imu: ImuRecording) -> ImuRecording:
-        """Return the recording with its channels de-noised.
-
-        Parameters
-        ----------
-        imu : ImuRecording
-            Evenly sampled.
-
-        Returns
-        -------
-        ImuRecording
-            At the same times; the causal form puts every answer at the moment it is about, and
-            ends `reach` samples earlier, as the last answers have not come yet.
-
-        Raises
-        ------
-        InputError
-            A record too short for the levels.
-        """
+        """Return the recording with its channels de-noised."""
         kept = imu.size if self.form == "off-line" else imu.size - self.reach
         if kept < 2:
             raise InputError(

@@ -51,31 +51,6 @@ def sensor_error_model(
 
     A channel without a constant state gets a turn-on bias: without one a filter forgets the
     constant part within an outage (spec 7.3, turn-on bias).
-
-    Parameters
-    ----------
-    noise_model : NoiseModel
-        All six channels.
-    turn_on_accel, turn_on_gyro : float
-        Standard deviation of the constant at switch-on, m/s² and rad/s, added to what the
-        model itself says of the start.
-    interval : float or None
-        Sample interval of the IMU that will be used, s; needed where a part of the model is
-        defined sample by sample.
-    hold_constants : bool
-        False: a channel without a constant state gets none, as in 15AV, 15AR and 27AR of S004.
-        Its first states then carry what is not known at switch-on: all lags of an
-        autoregressive block share it (a rank-one block, spec 7.3).
-
-    Returns
-    -------
-    SensorErrorModel
-        States in the order accelerometer x, y, z, gyro x, y, z.
-
-    Raises
-    ------
-    ModelError
-        A channel is missing, or a part exists only at another sample interval.
     """
     names: list[str] = []
     ignored: list[str] = []
@@ -107,20 +82,7 @@ def sensor_error_model(
 def with_scale_factors(
     model: SensorErrorModel, *, accel_sd: float = 0.0, gyro_sd: float = 0.0
 ) -> SensorErrorModel:
-    """Append scale factors of the axes as constants.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Of the IMU.
-    accel_sd, gyro_sd : float
-        Standard deviations at the start, relative (0.01 is one per cent); 0: no such states.
-
-    Returns
-    -------
-    SensorErrorModel
-        With up to six more states: measured minus true over measured, of each channel.
-    """
+    """Append scale factors of the axes as constants."""
     for c, name in enumerate(FILTER_CHANNELS):
         sd = accel_sd if c < 3 else gyro_sd
         if sd > 0.0:
@@ -137,21 +99,7 @@ def with_scale_factors(
 def with_misalignments(
     model: SensorErrorModel, *, accel_sd: float = 0.0, gyro_sd: float = 0.0
 ) -> SensorErrorModel:
-    """Append what every axis feels of the two others, as constants.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Of the IMU.
-    accel_sd, gyro_sd : float
-        Standard deviations at the start, rad; 0: no such states.
-
-    Returns
-    -------
-    SensorErrorModel
-        With six more states a triad: error of one channel over the measured value of another.
-        For the accelerometers three of them turn the triad as a whole, which attitude absorbs.
-    """
+    """Append what every axis feels of the two others, as constants."""
     for c, name in enumerate(FILTER_CHANNELS):
         sd = accel_sd if c < 3 else gyro_sd
         base = 0 if c < 3 else 3

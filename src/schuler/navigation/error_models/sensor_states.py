@@ -184,18 +184,7 @@ class SensorErrorModel:
         return max((b.interval for b in self.blocks), default=None)
 
     def constant_states(self, channel: int) -> IntArray:
-        """Indices of the states of a channel that keep a constant: walks and turn-on biases.
-
-        Parameters
-        ----------
-        channel : int
-            0-5 as in `channel`.
-
-        Returns
-        -------
-        ndarray of int
-            Usually one index.
-        """
+        """Indices of the states of a channel that keep a constant: walks and turn-on biases."""
         own = (self.channel == channel) & (self.drift[:, 0] == 0.0) & (self.partner < 0)
         own &= self.scaled_by < 0
         for block in self.blocks:
@@ -203,20 +192,7 @@ class SensorErrorModel:
         return np.flatnonzero(own)
 
     def with_noise(self, white: ArrayLike, drive: ArrayLike) -> SensorErrorModel:
-        """Multiply standard deviations of the noise.
-
-        Parameters
-        ----------
-        white : (6,) array_like
-            Factors on the white-noise densities.
-        drive : (m,) array_like
-            Factors on what drives the states.
-
-        Returns
-        -------
-        SensorErrorModel
-            Same states.
-        """
+        """Multiply standard deviations of the noise."""
         factor = np.broadcast_to(np.asarray(drive, dtype=np.float64), (self.size,))
         shared = factor.copy()
         pairs = self.partner >= 0
@@ -241,30 +217,7 @@ class SensorErrorModel:
         direction: ArrayLike = 0.0,
         scaled_by: ArrayLike = -1,
     ) -> SensorErrorModel:
-        """Append single states: random walks, constants or Gauss-Markov processes.
-
-        Parameters
-        ----------
-        names : sequence of str
-            One a state.
-        initial_sd : (k,) array_like
-            Standard deviations at the start; of a Gauss-Markov process the stationary one, unless
-            a walk density says otherwise.
-        walk_density : (k,) array_like
-            Density of the driving noise, unit/sqrt(s); 0 for a constant, and for a Gauss-Markov
-            process that stays at its initial standard deviation.
-        correlation_time : (k,) array_like
-            Of Gauss-Markov processes, s; infinite for walks and constants.
-        channel, scaled_by : (k,) array_like of int
-            As in the class; by default a state shows in measurements only.
-        direction : (k, 3) array_like
-            As in the class.
-
-        Returns
-        -------
-        SensorErrorModel
-            With the new states at its end, the first of them at place `size` of the old model.
-        """
+        """Append single states: random walks, constants or Gauss-Markov processes."""
         k, m = len(names), self.size
         sd = np.broadcast_to(np.asarray(initial_sd, dtype=np.float64), (k,))
         time = np.broadcast_to(np.asarray(correlation_time, dtype=np.float64), (k,))
@@ -294,13 +247,7 @@ class SensorErrorModel:
         )
 
     def layout(self) -> KernelLayout:
-        """Return the states as the kernels want them.
-
-        Returns
-        -------
-        KernelLayout
-            Fresh arrays.
-        """
+        """Return the states as the kernels want them."""
         m = self.size
         widest = max([1, *(b.size for b in self.blocks)])
         if np.any(self.partner >= 0):
@@ -332,18 +279,7 @@ class SensorErrorModel:
 
 
 def no_sensor_states(white_density: ArrayLike = 0.0) -> SensorErrorModel:
-    """Return a model without sensor states.
-
-    Parameters
-    ----------
-    white_density : (6,) array_like
-        Of the channels.
-
-    Returns
-    -------
-    SensorErrorModel
-        Of size 0.
-    """
+    """Return a model without sensor states."""
     return SensorErrorModel(
         channel=_no_integers(),
         direction=np.empty((0, 3)),

@@ -51,20 +51,7 @@ class Fusion:
 
 
 def fusion_of(mounting: Mounting, models: Sequence[SensorErrorModel]) -> Fusion:
-    """Return pi = (A' P A)^-1 A' P with the inverse of the white noise as weight P.
-
-    Parameters
-    ----------
-    mounting : Mounting
-        Of k IMUs.
-    models : sequence of SensorErrorModel
-        One for each IMU.
-
-    Returns
-    -------
-    Fusion
-        Of accelerometers and gyros. Source: S002 (7), spec 6.2.
-    """
+    """Return pi = (A' P A)^-1 A' P with the inverse of the white noise as weight P."""
     axes = np.concatenate([c.T for c in mounting.rotation])
     white = np.stack([m.white_density for m in models])
 
@@ -86,22 +73,7 @@ def fusion_of(mounting: Mounting, models: Sequence[SensorErrorModel]) -> Fusion:
 def extended_model(
     models: Sequence[SensorErrorModel], fusion: Fusion, names: Sequence[str]
 ) -> SensorErrorModel:
-    """Lay out the error states of every sensor of an array. Spec 7.5.
-
-    Parameters
-    ----------
-    models : sequence of SensorErrorModel
-        One for each IMU, in its own axes, in continuous time.
-    fusion : Fusion
-        How the sensors are added up.
-    names : sequence of str
-        Of the IMUs.
-
-    Returns
-    -------
-    SensorErrorModel
-        States by IMU, each shown along its column of pi; white noise pi C pi' of the body axes.
-    """
+    """Lay out the error states of every sensor of an array. Spec 7.5."""
     _check_continuous(models)
     first = np.concatenate([[0], np.cumsum([m.size for m in models])])
     total = int(first[-1])
@@ -135,18 +107,7 @@ def extended_model(
 
 
 def without_idle_states(model: SensorErrorModel) -> SensorErrorModel:
-    """Leave out states that start at zero and stay there: constants of standard deviation zero.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        In continuous time.
-
-    Returns
-    -------
-    SensorErrorModel
-        The rest; S002 (5) with its one Gauss-Markov noise an axis then has 9 + 6 k states.
-    """
+    """Leave out states that start at zero and stay there: constants of standard deviation zero."""
     idle = (np.diag(model.initial_covariance) == 0.0) & (model.diffusion[:, 0] == 0.0)
     idle &= model.partner < 0
     keep = np.flatnonzero(~idle)
@@ -166,22 +127,7 @@ def without_idle_states(model: SensorErrorModel) -> SensorErrorModel:
 
 
 def body_directions(model: SensorErrorModel, fusion: Fusion, imu: int) -> FloatArray:
-    """How the states of one IMU show in the fused measurement.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Of that IMU, in its own axes.
-    fusion : Fusion
-        Of the array.
-    imu : int
-        Counted from zero.
-
-    Returns
-    -------
-    (m, 3) ndarray
-        Columns of pi, or combinations of them; zero for states that show nowhere.
-    """
+    """How the states of one IMU show in the fused measurement."""
     own = sensor_directions(model)
     shown = np.zeros((model.size, 3))
     for j, channel in enumerate(model.channel):
@@ -203,18 +149,6 @@ def fused_model(
 
     States of one kind (accelerometers or gyros) with the same time constant cannot be told apart
     in the fused measurement: three states for each time constant carry all that is seen of them.
-
-    Parameters
-    ----------
-    models : sequence of SensorErrorModel
-        One for each IMU, in its own axes, in continuous time.
-    fusion : Fusion
-        How the sensors are added up.
-
-    Returns
-    -------
-    tuple of SensorErrorModel and (f, m) ndarray
-        The merged model, and the matrix that turns the states of `extended_model` into its own.
     """
     extended = extended_model(models, fusion, [str(i + 1) for i in range(len(models))])
     alone = np.flatnonzero((extended.partner >= 0) | (extended.channel < 0))
@@ -315,25 +249,7 @@ def _check_continuous(models: Sequence[SensorErrorModel]) -> None:
 def noise_models_of(
     noise_models: NoiseModel | Sequence[NoiseModel], count: int
 ) -> tuple[NoiseModel, ...]:
-    """Return one noise model for each IMU.
-
-    Parameters
-    ----------
-    noise_models : NoiseModel or sequence of NoiseModel
-        One for all, or one for each.
-    count : int
-        Number of IMUs.
-
-    Returns
-    -------
-    tuple of NoiseModel
-        As many as IMUs.
-
-    Raises
-    ------
-    InputError
-        Another number of them.
-    """
+    """Return one noise model for each IMU."""
     if isinstance(noise_models, NoiseModel):
         return (noise_models,) * count
     if len(noise_models) != count:

@@ -83,18 +83,7 @@ class PreparedArray:
     notes: tuple[str, ...]
 
     def sensor_start(self, *, each: bool = True) -> SensorStart:
-        """Return what is known of all sensor states at the first sample.
-
-        Parameters
-        ----------
-        each : bool
-            As in the function of this name.
-
-        Returns
-        -------
-        SensorStart
-            In the order of `extended_model`.
-        """
+        """Return what is known of all sensor states at the first sample."""
         return sensor_start(self.array, self.models, self.fusion, self.setup.alignment, each=each)
 
 
@@ -113,33 +102,7 @@ def prepare_array(
     turn_on_gyro: float = TURN_ON_GYRO,
     progress: Progress | None = None,
 ) -> PreparedArray:
-    """Align, find time offsets and noise of the fused IMU.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Two IMUs or more.
-    gnss : GnssRecording
-        Only epochs that may be looked at.
-    noise_models : NoiseModel, sequence of NoiseModel, or None
-        One for all IMUs or one for each, in their own axes; None: a generic one.
-    lever_arm, heading, mounting, time_offset, tune_noise, aiding, turn_on_accel, turn_on_gyro
-        As for `navigate`; the body takes the place of the IMU.
-    progress : callable or None
-        Called with a line of text now and then.
-
-    Returns
-    -------
-    PreparedArray
-        For `run_mechanization`.
-
-    Raises
-    ------
-    InputError
-        One IMU only, a copy, sensors that are silent.
-    NavigationError
-        As `prepare`.
-    """
+    """Align, find time offsets and noise of the fused IMU."""
     whole, notes = complete_array(array)
     tuned = noise_models is None if tune_noise is None else tune_noise
     given = generic_noise_model() if noise_models is None else noise_models
@@ -196,25 +159,6 @@ def sensor_start(
 
     At rest each gyro shows its own, the turn of the earth apart, which is common to all. In motion
     the alignment found that of the fused gyro; each gets its share of it by the prior.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Complete.
-    models : sequence of SensorErrorModel
-        One for each IMU.
-    fusion : Fusion
-        How the sensors are added up.
-    alignment : Alignment
-        Of the fused IMU.
-    each : bool
-        Whether a rest tells the bias of each gyro, or of the fused one only: then the differences
-        between sensors stay what the prior says.
-
-    Returns
-    -------
-    SensorStart
-        In the order of `extended_model`.
     """
     extended = extended_model(models, fusion, array.names)
     covariance = extended.initial_covariance
@@ -247,22 +191,7 @@ def _conditioned(
 def rest_covariances(
     models: Sequence[SensorErrorModel], length: float
 ) -> tuple[FloatArray, FloatArray]:
-    """What the means of all gyros over a rest have to do with the states at its start.
-
-    Parameters
-    ----------
-    models : sequence of SensorErrorModel
-        One for each IMU, states not correlated with each other.
-    length : float
-        Of the rest, s.
-
-    Returns
-    -------
-    tuple of (m, 3 k) and (3 k, 3 k) ndarray
-        Covariance of the states at the start with the means, and of the means among each other,
-        without white noise. A constant is all there; of a Gauss-Markov noise that forgets within
-        the rest little is.
-    """
+    """What the means of all gyros over a rest have to do with the states at its start."""
     total = sum(m.size for m in models)
     shared, own = np.zeros((total, 3 * len(models))), np.zeros((3 * len(models),) * 2)
     first = 0
@@ -299,38 +228,12 @@ def _at_rest(array: ImuArray, rest: tuple[float, float]) -> tuple[FloatArray, Fl
 
 
 def merged_start(start: SensorStart, merge: FloatArray) -> SensorStart:
-    """Turn what is known of all sensors into what is known of the fused states.
-
-    Parameters
-    ----------
-    start : SensorStart
-        Of `extended_model`.
-    merge : (f, m) ndarray
-        From `fused_model`.
-
-    Returns
-    -------
-    SensorStart
-        Of the fused model.
-    """
+    """Turn what is known of all sensors into what is known of the fused states."""
     return SensorStart(merge @ start.state, merge @ start.covariance @ merge.T)
 
 
 def own_factors(setup: RunSetup, rotation: FloatArray) -> RunSetup:
-    """Turn the noise factors that were found on the body's axes to those of one IMU.
-
-    Parameters
-    ----------
-    setup : RunSetup
-        Of the fused IMU.
-    rotation : (3, 3) ndarray
-        C_bs of the IMU.
-
-    Returns
-    -------
-    RunSetup
-        With factors on its own axes.
-    """
+    """Turn the noise factors that were found on the body's axes to those of one IMU."""
     square = rotation**2
     white = setup.factors.white**2
     own = np.sqrt(np.concatenate([white[:3] @ square, white[3:] @ square]))

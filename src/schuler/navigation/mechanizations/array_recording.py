@@ -25,21 +25,6 @@ def complete_array(array: ImuArray) -> tuple[ImuArray, tuple[str, ...]]:
 
     A missing value is what the other sensors say of it, plus the difference to them that was seen
     around the gap: it brings no news, and the bias that a filter has found stays as it is.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Missing values are NaN.
-
-    Returns
-    -------
-    tuple of ImuArray and tuple of str
-        An array without missing values, and what was done, in words.
-
-    Raises
-    ------
-    InputError
-        Fewer than two IMUs are left, or two of them are one and the same.
     """
     if array.count < 2:
         raise InputError(
@@ -145,24 +130,7 @@ def _fill(array: ImuArray) -> tuple[ImuArray, int]:
 
 
 def fused_recording(array: ImuArray, fusion: Fusion) -> ImuRecording:
-    """Return the IMU that the array makes in the body frame. Spec 6.2, S002 (6).
-
-    It sits at `fusion.centre`, the weighted mean place of the accelerometers, where what rotation
-    adds to the force of one of them is taken off by the others. What is left with weights that
-    differ from axis to axis is corrected by the fused rate.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Without missing values.
-    fusion : Fusion
-        How the sensors are added up.
-
-    Returns
-    -------
-    ImuRecording
-        At the stamps of the array, in body axes.
-    """
+    """Return the IMU that the array makes in the body frame. Spec 6.2, S002 (6)."""
     n = array.size
     gyro = array.gyro.reshape(n, -1) @ fusion.gyro.T
     accel = array.accel.reshape(n, -1) @ fusion.accel.T
@@ -185,42 +153,14 @@ def fused_recording(array: ImuArray, fusion: Fusion) -> ImuRecording:
 
 
 def rotation_force(time: FloatArray, gyro: FloatArray, moment: FloatArray) -> FloatArray:
-    """What rotation adds to the fused force: sum of W_i (w' x l_i + w x (w x l_i)). Spec 1.4.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds.
-    gyro : (n, 3) ndarray
-        Rate of the body, rad/s.
-    moment : (3, 3, 3) ndarray
-        Sum of W_i[a, b] l_i[c] over the IMUs.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        m/s².
-    """
+    """What rotation adds to the fused force: sum of W_i (w' x l_i + w x (w x l_i)). Spec 1.4."""
     tensor = turning_tensor(time, gyro, causal=False).reshape(-1, 3, 3)
     force: FloatArray = np.einsum("nbc,abc->na", tensor, moment)
     return force
 
 
 def arm_forces(array: ImuArray, fusion: Fusion) -> FloatArray:
-    """What rotation adds to each accelerometer, in its own axes. Spec 1.4.
-
-    Parameters
-    ----------
-    array : ImuArray
-        Without missing values.
-    fusion : Fusion
-        For the rate of the body.
-
-    Returns
-    -------
-    (n, 3 k) ndarray
-        m/s²; zero where all accelerometers sit at one place.
-    """
+    """What rotation adds to each accelerometer, in its own axes. Spec 1.4."""
     arms = array.mounting.position - fusion.centre
     if not arms.any():
         return np.zeros((array.size, 3 * array.count))

@@ -18,22 +18,7 @@ NO_ARM = 1e-9
 
 
 def moved(trajectory: Trajectory, arm: ArrayLike, rotation: FloatArray | None = None) -> Trajectory:
-    """Return the trajectory of another point of the body, in other axes.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Of an IMU.
-    arm : (3,) array_like
-        From the IMU to the point, in the axes of the IMU, m.
-    rotation : (3, 3) ndarray or None
-        Takes vectors of the new axes into those of the IMU; None: the same axes.
-
-    Returns
-    -------
-    Trajectory
-        r + C l and v + C (w x l), with the rate from one attitude to the next.
-    """
+    """Return the trajectory of another point of the body, in other axes."""
     lever = np.asarray(arm, dtype=np.float64)
     c_nb = trajectory.rotation
     turned = c_nb if rotation is None else c_nb @ rotation
@@ -51,20 +36,7 @@ def moved(trajectory: Trajectory, arm: ArrayLike, rotation: FloatArray | None = 
 
 
 def shifted(position: FloatArray, metres: FloatArray) -> FloatArray:
-    """Return positions moved by a few metres north, east, down.
-
-    Parameters
-    ----------
-    position : (n, 3) ndarray
-        Latitude, longitude rad, height m.
-    metres : (n, 3) ndarray
-        North, east, down.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        As `position`.
-    """
+    """Return positions moved by a few metres north, east, down."""
     north, east = earth.metres_per_radian(position)
     moved_by = np.stack([metres[:, 0] / north, metres[:, 1] / east, -metres[:, 2]], axis=-1)
     result: FloatArray = position + moved_by
@@ -75,37 +47,12 @@ def moved_solution(solution: NavigationSolution, arm: ArrayLike) -> NavigationSo
     """Return a solution for another point of the body.
 
     The standard deviations stay: an arm of decimetres turns an attitude error into millimetres.
-
-    Parameters
-    ----------
-    solution : NavigationSolution
-        Of an IMU.
-    arm : (3,) array_like
-        From the IMU to the point, m.
-
-    Returns
-    -------
-    NavigationSolution
-        Same times.
     """
     return replace(solution, trajectory=moved(solution.trajectory, arm))
 
 
 def mean_trajectory(trajectories: Sequence[Trajectory], weight: FloatArray) -> Trajectory:
-    """Return the weighted mean of trajectories that differ little.
-
-    Parameters
-    ----------
-    trajectories : sequence of Trajectory
-        Of one point in one set of axes, at the same times.
-    weight : (k,) or (n, k) ndarray
-        Adding up to one.
-
-    Returns
-    -------
-    Trajectory
-        The mean; of attitudes the mean of the small rotations from the first one.
-    """
+    """Return the weighted mean of trajectories that differ little."""
     base = trajectories[0]
     share = np.broadcast_to(weight, (base.size, len(trajectories)))
     north, east = earth.metres_per_radian(base.position)

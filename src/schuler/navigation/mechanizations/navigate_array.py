@@ -171,22 +171,7 @@ def navigate_array(
 
 
 def check_mechanization(name: str, *, smooth: bool, aiding: Sequence[str]) -> None:
-    """Raise when a mechanization does not exist or cannot do what is asked.
-
-    Parameters
-    ----------
-    name : str
-        To be checked.
-    smooth : bool
-        Whether a smoothed solution is wanted.
-    aiding : sequence of str
-        What is known of the vehicle.
-
-    Raises
-    ------
-    InputError
-        Says which.
-    """
+    """Raise when a mechanization does not exist or cannot do what is asked."""
     if name not in MECHANIZATIONS:
         raise InputError(f"mechanization '{name}'", expected=" or ".join(MECHANIZATIONS))
     if name in ("constrained", "system") and (smooth or aiding):
@@ -208,18 +193,7 @@ def run_mechanization(
     smooth: bool = False,
     false_alarm: float = FALSE_ALARM,
 ) -> ArrayNavigation:
-    """Run one mechanization on a prepared array. Parameters as for `navigate_array`.
-
-    Returns
-    -------
-    ArrayNavigation
-        For the origin of the body.
-
-    Raises
-    ------
-    InputError
-        As `check_mechanization`; an IMU that the array does not have.
-    """
+    """Run one mechanization on a prepared array. Parameters as for `navigate_array`."""
     setup = prepared.setup
     check_mechanization(
         mechanization, smooth=smooth, aiding=() if setup.vehicle is None else ("vehicle",)
@@ -255,22 +229,7 @@ def run_mechanization(
 def extended_run(
     prepared: PreparedArray, gnss: GnssRecording, *, parity: bool
 ) -> tuple[RunSetup, InitialState, AidingSchedule]:
-    """Return what the engine needs for the extended filter, to look at it from inside.
-
-    Parameters
-    ----------
-    prepared : PreparedArray
-        From `prepare_array`.
-    gnss : GnssRecording
-        Epochs to use.
-    parity : bool
-        With or without the parity update.
-
-    Returns
-    -------
-    tuple of RunSetup, InitialState and AidingSchedule
-        For `run_engine` with `prepared.recording`.
-    """
+    """Return what the engine needs for the extended filter, to look at it from inside."""
     setup = prepared.setup
     base = extended_model(prepared.models, prepared.fusion, prepared.array.names)
     model, sources = setup.factors.applied(base), setup.sources
@@ -289,20 +248,7 @@ def extended_run(
 
 
 def single_recording(array: ImuArray, imu: int) -> ImuRecording:
-    """Return one IMU of an array in the axes of the body.
-
-    Parameters
-    ----------
-    array : ImuArray
-        The array.
-    imu : int
-        Counted from zero.
-
-    Returns
-    -------
-    ImuRecording
-        At its own place.
-    """
+    """Return one IMU of an array in the axes of the body."""
     recording, c_bs = array.imu(imu), array.mounting.rotation[imu]
     return replace(recording, gyro=recording.gyro @ c_bs.T, accel=recording.accel @ c_bs.T)
 

@@ -47,18 +47,7 @@ class Parity:
     interval: float = 1.0
 
     def rows(self) -> AidingSchedule:
-        """Return the measurements: 3 (k - 1) of the accelerometers, as many of the gyros.
-
-        Returns
-        -------
-        AidingSchedule
-            At the end of every interval; the covariance is V C V' over the time averaged.
-
-        Raises
-        ------
-        InputError
-            An interval that holds no sample, or sensors without white noise.
-        """
+        """Return the measurements: 3 (k - 1) of the accelerometers, as many of the gyros."""
         ends = interval_ends(self.array.time, self.interval)
         parts = []
         for kind, values in ((0, self.array.accel), (1, self.array.gyro)):
@@ -87,22 +76,7 @@ class Parity:
 
 
 def axis_rows(models: Sequence[SensorErrorModel], kind: int, states: int) -> FloatArray:
-    """Return how all states show on the sensor axes of one kind.
-
-    Parameters
-    ----------
-    models : sequence of SensorErrorModel
-        One for each IMU, in the order of `extended_model`.
-    kind : int
-        0: accelerometers, 1: gyros.
-    states : int
-        Sensor states of the filter.
-
-    Returns
-    -------
-    (3 k, states) ndarray
-        One where a state is the error of an axis.
-    """
+    """Return how all states show on the sensor axes of one kind."""
     shown = np.zeros((3 * len(models), states))
     first = 0
     for i, model in enumerate(models):
@@ -116,22 +90,7 @@ def axis_rows(models: Sequence[SensorErrorModel], kind: int, states: int) -> Flo
 def parity_rows(
     models: Sequence[SensorErrorModel], fusion: Fusion, states: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rows of the parity measurement on the sensor states, V b, whitened.
-
-    Parameters
-    ----------
-    models : sequence of SensorErrorModel
-        One for each IMU.
-    fusion : Fusion
-        For the axes.
-    states : int
-        Sensor states of the filter.
-
-    Returns
-    -------
-    tuple of (3 (k - 1), states) ndarray
-        Of accelerometers and gyros; the noise of each row has density one.
-    """
+    """Return the rows of the parity measurement on the sensor states, V b, whitened."""
     white = [np.concatenate([m.white_density[3 * q : 3 * q + 3] for m in models]) for q in (0, 1)]
     rows = [
         parity_matrix(fusion.axes, w) @ axis_rows(models, q, states) for q, w in enumerate(white)
@@ -140,45 +99,14 @@ def parity_rows(
 
 
 def parity_matrix(axes: FloatArray, white: FloatArray) -> FloatArray:
-    """Rows that see nothing of the motion: V A = 0, orthonormal for the whitened sensors. Spec 6.4.
-
-    Parameters
-    ----------
-    axes : (m, 3) ndarray
-        Sensor axes A in the body.
-    white : (m,) ndarray
-        Standard deviations or densities of the sensors.
-
-    Returns
-    -------
-    (m - 3, m) ndarray
-        V; V diag(white²) V' is the identity.
-    """
+    """Rows blind to motion: V A = 0, orthonormal for the whitened sensors. Spec 6.4."""
     whole, _ = np.linalg.qr(axes / white[:, None], mode="complete")
     parity: FloatArray = whole[:, 3:].T / white
     return parity
 
 
 def interval_ends(time: FloatArray, interval: float) -> NDArray[np.int64]:
-    """Last samples of consecutive intervals, the start of the first included.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds.
-    interval : float
-        Seconds.
-
-    Returns
-    -------
-    (k,) ndarray of int
-        Indices.
-
-    Raises
-    ------
-    InputError
-        Less than two intervals fit.
-    """
+    """Last samples of consecutive intervals, the start of the first included."""
     if not interval > 0.0:
         raise InputError(f"an interval of {interval:g} s", expected="a positive number")
     marks = np.arange(time[0], time[-1] + 1e-9, interval)

@@ -46,39 +46,14 @@ class Vote:
         return share
 
     def weight(self, base: FloatArray) -> FloatArray:
-        """Return weights of those that are heard.
-
-        Parameters
-        ----------
-        base : (k,) ndarray
-            Weights when all are.
-
-        Returns
-        -------
-        (n, k) ndarray
-            Adding up to one.
-        """
+        """Return weights of those that are heard."""
         weight = self.heard * base
         whole: FloatArray = weight / weight.sum(axis=1, keepdims=True)
         return whole
 
 
 def vote(trajectories: Sequence[Trajectory], sd: FloatArray) -> Vote:
-    """Let three solutions or more vote: who is far from the median is not heard.
-
-    Parameters
-    ----------
-    trajectories : sequence of Trajectory
-        k solutions for one point in one set of axes, at the same times.
-    sd : (n, k, 9) ndarray
-        Standard deviations of position, velocity and attitude of each.
-
-    Returns
-    -------
-    Vote
-        With two solutions nobody is outvoted: the median lies between them. At least half of all
-        are heard at any time.
-    """
+    """Let three solutions or more vote: who is far from the median is not heard."""
     k, n = len(trajectories), trajectories[0].size
     base = trajectories[0]
     north, east = earth.metres_per_radian(base.position)

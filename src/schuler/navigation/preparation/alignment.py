@@ -85,34 +85,7 @@ def align(
     mounting: FloatArray | None = None,
     lever_arm: FloatArray | None = None,
 ) -> Alignment:
-    """Find the attitude at the first sample.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    gnss : GnssRecording
-        Only epochs that may be looked at.
-    velocity_offset : float
-        Added to GNSS time to put its velocity on the IMU's axis, s.
-    heading : float or None
-        Heading of the IMU's x axis at the first sample, rad; None: from GNSS.
-    mounting : (3, 3) ndarray or None
-        Vehicle from IMU; when given, a course over ground can serve where the velocity changes
-        are too small.
-    lever_arm : (3,) ndarray or None
-        Antenna from IMU, m; None: zero.
-
-    Returns
-    -------
-    Alignment
-        Attitude at the first sample.
-
-    Raises
-    ------
-    NavigationError
-        Nothing tells the heading.
-    """
+    """Find the attitude at the first sample."""
     rest = find_initial_rest(imu, gnss)
     if heading is not None:
         if rest is None:

@@ -59,18 +59,7 @@ class DriveCondition:
         return self.restarts[0].begin if self.restarts else float("inf")
 
     def usable(self, gnss: GnssRecording) -> GnssRecording:
-        """Return the epochs that may be used.
-
-        Parameters
-        ----------
-        gnss : GnssRecording
-            Any epochs.
-
-        Returns
-        -------
-        GnssRecording
-            Without the wrong ones.
-        """
+        """Return the epochs that may be used."""
         if self.wrong_fixes is None or not self.wrong_fixes.size:
             return gnss
         return gnss.select(~np.isin(gnss.time, self.wrong_fixes))
@@ -78,22 +67,7 @@ class DriveCondition:
     def noise_scale(
         self, time: FloatArray, scale: FloatArray | None, white_density: FloatArray
     ) -> FloatArray | None:
-        """Add unseen motion to what multiplies the squared white-noise densities.
-
-        Parameters
-        ----------
-        time : (n,) ndarray
-            Stamps of the IMU.
-        scale : (n, 6) ndarray or None
-            Without unseen motion; None: ones.
-        white_density : (6,) ndarray
-            That the scale refers to.
-
-        Returns
-        -------
-        (n, 6) ndarray or None
-            For `run_engine`.
-        """
+        """Add unseen motion to what multiplies the squared white-noise densities."""
         added = unseen_density(time, self.unseen)
         if added is None:
             return scale

@@ -14,22 +14,7 @@ from schuler.types import FloatArray
 def dead_reckon(
     imu: ImuRecording, position: FloatArray, velocity: FloatArray, rotation: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Integrate an IMU without any aiding.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    position, velocity : (3,) ndarray
-        At the first sample.
-    rotation : (3, 3) ndarray
-        C_nb at the first sample.
-
-    Returns
-    -------
-    tuple of ndarray
-        Position (n, 3), velocity (n, 3) and rotation (n, 3, 3) at every sample.
-    """
+    """Integrate an IMU without any aiding."""
     nothing = AidingSchedule(
         np.empty(0),
         np.empty(0, dtype=np.int64),

@@ -28,20 +28,7 @@ SHORTEST_PIECE = 5.0
 def split_at_unseen(
     imu: ImuRecording, unseen: Sequence[UnseenMotion]
 ) -> tuple[list[ImuRecording], tuple[UnseenMotion, ...]]:
-    """Bridge what is short and cut where it is not.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    unseen : sequence of UnseenMotion
-        In order of time.
-
-    Returns
-    -------
-    tuple of list of ImuRecording and tuple of UnseenMotion
-        Pieces in order of time, one where nothing had to be cut, and what was bridged.
-    """
+    """Bridge what is short and cut where it is not."""
     last = float(imu.time[-1])
     short = tuple(u for u in unseen if u.attitude_sd <= BRIDGED_TURN and u.stop < last)
     # an axis that is stuck to the end cannot be bridged: nothing is known behind it
@@ -74,31 +61,7 @@ def align_pieces(
     align_one: Callable[[ImuRecording, bool], Alignment],
     condition: DriveCondition,
 ) -> tuple[ImuRecording, Alignment, DriveCondition]:
-    """Align every piece; those that cannot be aligned are left out and said.
-
-    Parameters
-    ----------
-    pieces : sequence of ImuRecording
-        From `split_at_unseen`.
-    align_one : callable
-        Takes a piece and whether it is the first; returns its alignment or raises.
-    condition : DriveCondition
-        Of the drive.
-
-    Returns
-    -------
-    imu : ImuRecording
-        What can be navigated.
-    start : Alignment
-        At its first sample.
-    condition : DriveCondition
-        With the restarts, and a line for each.
-
-    Raises
-    ------
-    NavigationError
-        No piece can be aligned.
-    """
+    """Align every piece; those that cannot be aligned are left out and said."""
     used: list[ImuRecording] = []
     restarts: list[Restart] = []
     findings = list(condition.findings)

@@ -72,30 +72,7 @@ def try_drive(
     lever_arm: FloatArray,
     velocity_offset: float,
 ) -> Trial:
-    """Filter a drive with forgiving noise and say how its velocities fit GNSS.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    gnss : GnssRecording
-        With velocity.
-    start : InitialState
-        At the first sample; its sensor states are replaced.
-    restarts : sequence of (float, InitialState)
-        As for `run_in_pieces`.
-    gyro_bias : (3,) ndarray
-        Of the alignment, rad/s.
-    lever_arm : (3,) ndarray
-        Antenna from IMU, m.
-    velocity_offset : float
-        Added to the time of GNSS, s.
-
-    Returns
-    -------
-    Trial
-        The misfit is about one or less when all is well.
-    """
+    """Filter a drive with forgiving noise and say how its velocities fit GNSS."""
     from schuler.navigation.tuning.likelihood import InnovationSequence
 
     doubt = velocity_doubt(gnss, lever_arm)
@@ -134,22 +111,7 @@ def find_slip(
     found: Trial,
     again: Callable[[ImuRecording], Trial],
 ) -> Slip | None:
-    """Try the usual slips and return the one that explains the drive.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        As it was given, or a part of it.
-    found : Trial
-        How it fits.
-    again : callable
-        Aligns and tries another version of the recording; may raise a `SchulerError`.
-
-    Returns
-    -------
-    Slip or None
-        None where none of them helps much.
-    """
+    """Try the usual slips and return the one that explains the drive."""
     best: tuple[float, Slip] | None = None
     for slip in SLIPS:
         try:
@@ -165,37 +127,13 @@ def find_slip(
 
 
 def turns_too_fast(imu: ImuRecording) -> bool:
-    """Whether the gyros spend a twentieth of the time beyond what carries a GNSS antenna along.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-
-    Returns
-    -------
-    bool
-        Reason to ask whether their unit is right, no proof that it is wrong.
-    """
+    """Whether the gyros spend a twentieth of the time beyond what carries a GNSS antenna along."""
     rate = np.linalg.norm(imu.gyro - np.median(imu.gyro, axis=0), axis=1)
     return bool(np.quantile(rate, 0.95) > FAST_TURN)
 
 
 def flipped(imu: ImuRecording, channels: tuple[str, ...]) -> ImuRecording:
-    """Return a recording with the sign of some channels turned.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    channels : tuple of str
-        Out of `CHANNELS`, or "gyro" and "accel" for three at once.
-
-    Returns
-    -------
-    ImuRecording
-        With a line of history.
-    """
+    """Return a recording with the sign of some channels turned."""
     sign = np.array(
         [-1.0 if any(c == n or c.startswith(f"{n}_") for n in channels) else 1.0 for c in CHANNELS]
     )
@@ -208,23 +146,7 @@ def flipped(imu: ImuRecording, channels: tuple[str, ...]) -> ImuRecording:
 
 
 def check_flip(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return names of channels whose sign is to be turned.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Given by a user.
-
-    Returns
-    -------
-    tuple of str
-        The same.
-
-    Raises
-    ------
-    InputError
-        A name that is no channel.
-    """
+    """Return names of channels whose sign is to be turned."""
     known = (*CHANNELS, "gyro", "accel")
     for name in names:
         if name not in known:

@@ -46,31 +46,7 @@ def screen_drive(
     mounting: FloatArray | None = None,
     time_offset: float | None = None,
 ) -> tuple[ImuRecording, DriveCondition]:
-    """Screen a drive and put right what can be.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    gnss : GnssRecording
-        Fixes of the same drive.
-    mounting : (3, 3) ndarray or None
-        Vehicle (forward, right, down) from IMU, where the user gave it.
-    time_offset : float or None
-        Seconds to add to GNSS time, where the user gave them.
-
-    Returns
-    -------
-    tuple of ImuRecording and DriveCondition
-        The recording, its stamps put right after a jump, and what was seen. Unseen motion is
-        described, not yet bridged.
-
-    Raises
-    ------
-    NavigationError
-        Axes that are reversed, gravity that points the wrong way, clocks that jump by an amount
-        that nothing tells exactly.
-    """
+    """Screen a drive and put right what can be."""
     findings: list[Finding] = []
     turns = compare_turns(imu, gnss)
     _require_right_way_round(imu, turns, mounting)
@@ -90,18 +66,7 @@ def screen_drive(
 
 
 def find_unseen(imu: ImuRecording) -> tuple[UnseenMotion, ...]:
-    """Find gaps and stuck axes, and how much may have happened in them.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-
-    Returns
-    -------
-    tuple of UnseenMotion
-        In order of time; stuck stretches that touch each other or a gap are taken as one.
-    """
+    """Find gaps and stuck axes, and how much may have happened in them."""
     parts: list[tuple[float, float, NDArray[np.bool_], bool]] = [
         (a, b, np.ones(6, dtype=bool), True) for a, b in find_gaps(imu)
     ]

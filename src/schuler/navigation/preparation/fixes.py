@@ -48,18 +48,7 @@ class FixScreening:
 
 
 def screen_fixes(gnss: GnssRecording) -> FixScreening:
-    """Look for fixes that are off by more than their uncertainty and any motion explain.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        The fixes.
-
-    Returns
-    -------
-    FixScreening
-        Wrong epochs, and jumps that stay.
-    """
+    """Look for fixes that are off by more than their uncertainty and any motion explain."""
     n = gnss.size
     wrong, away = np.zeros(n, dtype=bool), np.zeros(n)
     if n < 4:

@@ -65,18 +65,7 @@ class UnseenMotion:
 
 
 def find_gaps(imu: ImuRecording) -> list[tuple[float, float]]:
-    """Return times of the last sample before and the first after each gap that matters.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    list of (float, float)
-        In order of time.
-    """
+    """Return times of the last sample before and the first after each gap that matters."""
     step = np.diff(imu.time)
     usual = float(np.median(step))
     gaps = np.flatnonzero(step > max(SHORTEST_GAP, SHORTEST_GAP_STEPS * usual))
@@ -86,23 +75,7 @@ def find_gaps(imu: ImuRecording) -> list[tuple[float, float]]:
 def interpolation_variance(
     imu: ImuRecording, seconds: float, unseen: Sequence[tuple[float, float]]
 ) -> FloatArray:
-    """Mean square of what an interpolation over a time misses, tried where the motion was seen.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    seconds : float
-        Length of the interpolation.
-    unseen : sequence of (float, float)
-        Stretches to keep away from, s.
-
-    Returns
-    -------
-    (6,) ndarray
-        (m/s)² of the accelerometers, then rad² of the gyros. Where the recording is shorter than
-        a few such stretches the misses of shorter ones are extrapolated in proportion to time.
-    """
+    """Mean square of what an interpolation over a time misses, tried where the motion was seen."""
     time = imu.time
     values = np.concatenate([imu.accel, imu.gyro], axis=1)
     step = np.diff(time)[:, None]
@@ -138,20 +111,7 @@ def interpolation_variance(
 
 
 def bridged(imu: ImuRecording, unseen: Sequence[UnseenMotion]) -> ImuRecording:
-    """Return a recording whose unseen stretches are interpolated.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    unseen : sequence of UnseenMotion
-        In order of time.
-
-    Returns
-    -------
-    ImuRecording
-        With rows at the usual step in the gaps, and straight lines where an axis was stuck.
-    """
+    """Return a recording whose unseen stretches are interpolated."""
     if not unseen:
         return imu
     accel, gyro = imu.accel.copy(), imu.gyro.copy()
@@ -200,20 +160,7 @@ def _said(part: UnseenMotion) -> str:
 
 
 def unseen_density(time: FloatArray, unseen: Sequence[UnseenMotion]) -> FloatArray | None:
-    """Squared noise densities that unseen motion adds, sample by sample.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Stamps of the samples; each stands for the time since the one before.
-    unseen : sequence of UnseenMotion
-        Perhaps none.
-
-    Returns
-    -------
-    (n, 6) ndarray or None
-        Accelerometers first; None where nothing is unseen.
-    """
+    """Squared noise densities that unseen motion adds, sample by sample."""
     if not unseen:
         return None
     added = np.zeros((time.size, 6))

@@ -74,31 +74,7 @@ def judge_headings(
     velocity_offset: float = 0.0,
     velocity_sd: FloatArray | None = None,
 ) -> HeadingPosterior:
-    """Filter a stretch from every heading and return what the likelihoods say.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The stretch, from the sample at which the heading is asked for.
-    gnss : GnssRecording
-        With velocity. Positions would add little but their slow errors.
-    model : SensorErrorModel
-        Of the IMU; rather too forgiving than too sure.
-    start : callable
-        Initial state for a heading (rad); its heading should be sure.
-    lever_arm : (3,) ndarray
-        Antenna from IMU, m.
-    velocity_offset : float
-        Added to the time of GNSS, s.
-    velocity_sd : (n,) ndarray or None
-        Added to the standard deviations of the velocity at every epoch, for what stamps and lever
-        arm may be off, m/s.
-
-    Returns
-    -------
-    HeadingPosterior
-        Over the whole circle.
-    """
+    """Filter a stretch from every heading and return what the likelihoods say."""
     from schuler.navigation.tuning.likelihood import InnovationSequence
 
     slow, schedule = stretch_to_filter(imu, gnss, lever_arm, velocity_offset, velocity_sd)
@@ -155,18 +131,7 @@ def stretch_to_filter(
     velocity_offset: float,
     velocity_sd: FloatArray | None,
 ) -> tuple[ImuRecording, AidingSchedule]:
-    """Return the stretch at a low rate, and one velocity a second.
-
-    Parameters
-    ----------
-    imu, gnss, lever_arm, velocity_offset, velocity_sd
-        As for `judge_headings`.
-
-    Returns
-    -------
-    tuple of ImuRecording and AidingSchedule
-        For `run_engine`.
-    """
+    """Return the stretch at a low rate, and one velocity a second."""
     from schuler.navigation.tuning.likelihood import slower_imu, thin
 
     assert gnss.velocity_sd is not None

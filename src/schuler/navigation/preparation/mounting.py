@@ -47,16 +47,6 @@ def estimate_mounting(trajectory: Trajectory) -> MountingEstimate | None:
 
     The mean direction of velocity in IMU axes is forward; the mean direction of down in IMU
     axes, made square to it, is down.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Of the IMU.
-
-    Returns
-    -------
-    MountingEstimate or None
-        None with less than ten seconds of straight driving.
     """
     speed = np.linalg.norm(trajectory.velocity, axis=1)
     step = float(np.median(np.diff(trajectory.time)))

@@ -84,29 +84,7 @@ class MovingStart:
 def start_in_motion(
     imu: ImuRecording, gnss: GnssRecording, offset: float, lever_arm: FloatArray
 ) -> MovingStart:
-    """Find attitude and biases at the first sample.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    gnss : GnssRecording
-        With velocity.
-    offset : float
-        Added to GNSS time to put its velocity on the IMU's axis, s.
-    lever_arm : (3,) ndarray
-        Antenna from IMU, m.
-
-    Returns
-    -------
-    MovingStart
-        Its heading may be known badly: the deviation says so.
-
-    Raises
-    ------
-    NavigationError
-        Too little GNSS at the beginning.
-    """
+    """Find attitude and biases at the first sample."""
     assert gnss.velocity is not None
     window = imu.between(float(imu.time[0]), float(imu.time[0]) + LEVELLING)
     time = gnss.time + offset
@@ -142,24 +120,7 @@ def settle_heading(
     offset: float,
     velocity_sd: FloatArray,
 ) -> tuple[HeadingPosterior, ImuRecording]:
-    """Judge headings over longer and longer stretches until one is known well enough.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        From the sample at which the heading is asked for.
-    gnss, start, lever_arm
-        As for `judge_headings`.
-    offset : float
-        Added to the time of GNSS, s.
-    velocity_sd : (n,) ndarray
-        Added to the standard deviations of the velocity, m/s.
-
-    Returns
-    -------
-    tuple of HeadingPosterior and ImuRecording
-        What the last stretch told, and the stretch.
-    """
+    """Judge headings over longer and longer stretches until one is known well enough."""
     found: HeadingPosterior | None = None
     part = imu
     for stretch in STRETCHES:
@@ -264,13 +225,7 @@ def _looking_back(
 
 
 def forgiving_model() -> SensorErrorModel:
-    """Return a generic sensor whose noise forgives engines and roads.
-
-    Returns
-    -------
-    SensorErrorModel
-        Twelve states.
-    """
+    """Return a generic sensor whose noise forgives engines and roads."""
     model = sensor_error_model(
         generic_noise_model(), turn_on_accel=TURN_ON_ACCEL, turn_on_gyro=TURN_ON_GYRO
     )
@@ -278,21 +233,7 @@ def forgiving_model() -> SensorErrorModel:
 
 
 def velocity_doubt(gnss: GnssRecording, lever_arm: FloatArray) -> FloatArray:
-    """Return what stamps and lever arm may do to a velocity before anybody has looked for them.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        With velocity.
-    lever_arm : (3,) ndarray
-        Antenna from IMU as far as known, m; zero: not known.
-
-    Returns
-    -------
-    (n,) ndarray
-        Standard deviations, m/s: acceleration times a doubt in time, rate of the course times a
-        doubt in length.
-    """
+    """Return what stamps and lever arm may do to a velocity before anybody has looked for them."""
     assert gnss.velocity is not None
     if gnss.size < 2:
         return np.zeros(gnss.size)
@@ -312,20 +253,6 @@ def mean_rates(
 
     From the first to the last epoch that is fast enough for a course: a slope fitted in between
     would count a turn in the middle of the time one and a half times.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The stretch.
-    time : (k,) ndarray
-        Of the velocities, on the IMU's axis, s.
-    velocity : (k, 3) ndarray
-        North, east, down, m/s.
-
-    Returns
-    -------
-    tuple of (3,) ndarray and float
-        rad/s.
     """
     fast = np.flatnonzero(np.linalg.norm(velocity[:, :2], axis=1) > 2.0)
     if fast.size < 3:
@@ -337,18 +264,7 @@ def mean_rates(
 
 
 def attitude_history(increments: FloatArray) -> FloatArray:
-    """Return the rotations of all samples into the frame of the first one.
-
-    Parameters
-    ----------
-    increments : (n, 3) ndarray
-        Turn of each sample, rad.
-
-    Returns
-    -------
-    (n, 3, 3) ndarray
-        Products of the steps.
-    """
+    """Return the rotations of all samples into the frame of the first one."""
     steps = dcm_from_rotation_vector(increments)
     history = np.empty_like(steps)
     now = np.eye(3)

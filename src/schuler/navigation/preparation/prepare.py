@@ -74,13 +74,7 @@ def prepare(
     measurements: MeasurementOptions = PLAIN,
     progress: Progress | None = None,
 ) -> tuple[ImuRecording, RunSetup]:
-    """Align, find time offsets, noise and mounting. Parameters as for `navigate`.
-
-    Returns
-    -------
-    tuple of ImuRecording and RunSetup
-        The recording cut to where it can be used, and everything a run needs.
-    """
+    """Align, find time offsets, noise and mounting. Parameters as for `navigate`."""
     say = progress or (lambda _: None)
     constraints = check_constraints(aiding)
     _check_inputs(imu, gnss)

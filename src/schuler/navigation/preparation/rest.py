@@ -16,24 +16,7 @@ SHORTEST_REST = 2.0
 
 
 def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, float] | None:
-    """Find the time at rest at the beginning of a recording.
-
-    One-second means of rate and force must stay near those of the first seconds, and GNSS
-    velocity, where there is one, near zero. Means are used because an engine that runs shakes
-    single samples more than driving does.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    gnss : GnssRecording
-        On the same time axis within a second.
-
-    Returns
-    -------
-    tuple of float or None
-        Start and end in s; None if there are less than two seconds.
-    """
+    """Find the time at rest at the beginning of a recording."""
     block = max(round(imu.rate), 1)
     count = imu.size // block
     if count < 2:
@@ -69,18 +52,7 @@ def moves(gnss: GnssRecording) -> NDArray[np.bool_]:
 
 
 def level_from_gravity(specific_force: FloatArray) -> FloatArray:
-    """Rotation into a level frame whose azimuth is arbitrary. Groves (5.101).
-
-    Parameters
-    ----------
-    specific_force : (3,) ndarray
-        Mean specific force at rest in the body frame, m/s².
-
-    Returns
-    -------
-    (3, 3) ndarray
-        Level (x, y, down) from body; its x axis is as near to the body's as can be.
-    """
+    """Rotation into a level frame whose azimuth is arbitrary. Groves (5.101)."""
     down = -specific_force / np.linalg.norm(specific_force)
     axis = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     first = axis - down * (axis @ down)

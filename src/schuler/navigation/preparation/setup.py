@@ -68,18 +68,7 @@ class NoiseFactors:
         return cls(white=np.ones(6))
 
     def applied(self, model: SensorErrorModel) -> SensorErrorModel:
-        """Return a sensor error model multiplied by the factors.
-
-        Parameters
-        ----------
-        model : SensorErrorModel
-            The base.
-
-        Returns
-        -------
-        SensorErrorModel
-            Same states.
-        """
+        """Return a sensor error model multiplied by the factors."""
         by_channel = np.array([self.drive_accel] * 3 + [self.drive_gyro] * 3 + [1.0])
         # states without a channel, -1, keep theirs
         drive = by_channel[model.channel]
@@ -145,38 +134,14 @@ class RunSetup:
     measurements: MeasurementOptions = PLAIN
 
     def white_scale(self, imu: ImuRecording) -> FloatArray | None:
-        """Return what multiplies the squared white-noise densities sample by sample.
-
-        Parameters
-        ----------
-        imu : ImuRecording
-            At its full rate.
-
-        Returns
-        -------
-        (n, 6) ndarray or None
-            None where the noise is constant.
-        """
+        """Return what multiplies the squared white-noise densities sample by sample."""
         scale = None
         if self.vibration.active:
             scale = self.vibration.white_scale(vibration_level(imu))
         return self.condition.noise_scale(imu.time, scale, self.model.white_density)
 
     def schedule(self, imu: ImuRecording, gnss: GnssRecording) -> AidingSchedule:
-        """Return all measurements that fall inside the IMU's time.
-
-        Parameters
-        ----------
-        imu : ImuRecording
-            For its time, and for the moments at which it feels no motion.
-        gnss : GnssRecording
-            Epochs that may be used.
-
-        Returns
-        -------
-        AidingSchedule
-            Positions, velocities and the vehicle's constraints.
-        """
+        """Return all measurements that fall inside the IMU's time."""
         gnss = self.condition.usable(gnss)
         sources: tuple[Aiding, ...] = (
             GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
@@ -194,35 +159,11 @@ class RunSetup:
         return merged
 
     def initial_state(self, imu: ImuRecording, gnss: GnssRecording) -> InitialState:
-        """Return the state and covariance at the first sample.
-
-        Parameters
-        ----------
-        imu : ImuRecording
-            The run.
-        gnss : GnssRecording
-            Its first epoch near the start gives the position.
-
-        Returns
-        -------
-        InitialState
-            For `run_engine`.
-        """
+        """Return the state and covariance at the first sample."""
         return self._state_at(float(imu.time[0]), self.alignment, gnss)
 
     def restarts(self, gnss: GnssRecording) -> list[tuple[float, InitialState]]:
-        """Return where the filter begins anew, and with what.
-
-        Parameters
-        ----------
-        gnss : GnssRecording
-            Its epoch near each restart gives the position.
-
-        Returns
-        -------
-        list of (float, InitialState)
-            For `run_in_pieces`; usually empty.
-        """
+        """Return where the filter begins anew, and with what."""
         return [
             (r.time, self._state_at(r.time, r.alignment, gnss)) for r in self.condition.restarts
         ]
@@ -263,13 +204,7 @@ class RunSetup:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values for reports and JSON.
-
-        Returns
-        -------
-        dict
-            SI units; angles in degrees where the key says so.
-        """
+        """Return plain values for reports and JSON."""
         model, start = self.model, self.alignment
         constant = {c: j[0] for c in range(6) if (j := model.constant_states(c)).size}
         vehicle: dict[str, Any] = {}

@@ -21,16 +21,6 @@ def velocity_lag(gnss: GnssRecording) -> float:
     """Delay of a receiver's velocity behind its position, from GNSS alone.
 
     Regression of (rate of position - velocity) on acceleration, horizontal components.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        With velocity.
-
-    Returns
-    -------
-    float
-        Seconds; positive if velocity is late; 0 where the data do not tell.
     """
     if gnss.velocity is None or gnss.size < 20:
         return 0.0
@@ -56,18 +46,7 @@ def velocity_lag(gnss: GnssRecording) -> float:
 
 
 def end_of_enough_motion(gnss: GnssRecording) -> float:
-    """Time by which GNSS has moved for a quarter of an hour.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        Positions.
-
-    Returns
-    -------
-    float
-        Seconds on its own axis; its last epoch where it never moved so long.
-    """
+    """Time by which GNSS has moved for a quarter of an hour."""
     from schuler.earth import ned_from_geodetic
 
     step = np.diff(gnss.time)
@@ -78,22 +57,7 @@ def end_of_enough_motion(gnss: GnssRecording) -> float:
 
 
 def enough_for_offsets(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> ImuRecording:
-    """Return as much of a recording as it takes to find its time offsets.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The run.
-    gnss : GnssRecording
-        Epochs that may be looked at.
-    setup : RunSetup
-        Where its filter begins anew later on, all of the recording is needed.
-
-    Returns
-    -------
-    ImuRecording
-        From the same first sample on.
-    """
+    """Return as much of a recording as it takes to find its time offsets."""
     stop = end_of_enough_motion(gnss) + 1.0
     if stop < imu.time[-1] and all(r.time < stop for r in setup.condition.restarts):
         return imu.between(float(imu.time[0]), stop)
@@ -103,24 +67,7 @@ def enough_for_offsets(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) 
 def find_time_offset(
     imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, reach: float = 1.0
 ) -> float:
-    """Coarse search for the offset common to position and velocity, by likelihood.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The run, at a low rate.
-    gnss : GnssRecording
-        Epochs that may be looked at.
-    setup : RunSetup
-        Its offsets are the centre of the search.
-    reach : float
-        Offsets looked for at first, s; where the best lies at the edge, the search goes on there.
-
-    Returns
-    -------
-    float
-        Seconds to add to both offsets, to about 0.02 s.
-    """
+    """Coarse search for the offset common to position and velocity, by likelihood."""
 
     def value(shift: float) -> float:
         offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)

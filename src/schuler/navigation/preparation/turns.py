@@ -95,20 +95,7 @@ NOTHING_TOLD = TurnComparison(float("nan"), float("nan"), float("nan"), 0.0)
 
 
 def compare_turns(imu: ImuRecording, gnss: GnssRecording) -> TurnComparison:
-    """Compare turns over a second each, for every lag within three seconds.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    gnss : GnssRecording
-        With velocity; without one nothing is told.
-
-    Returns
-    -------
-    TurnComparison
-        With NaN where the drive turns too little.
-    """
+    """Compare turns over a second each, for every lag within three seconds."""
     if gnss.velocity is None or imu.duration < 4.0 * REACH:
         return NOTHING_TOLD
     time, angle = turned_about_down(imu)
@@ -149,18 +136,7 @@ def compare_turns(imu: ImuRecording, gnss: GnssRecording) -> TurnComparison:
 
 
 def turned_about_down(imu: ImuRecording) -> tuple[FloatArray, FloatArray]:
-    """Angle that an IMU has turned about the vertical, by its own gravity.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-
-    Returns
-    -------
-    time, angle : (k,) ndarray
-        Seconds, and radians from zero, ten times a second.
-    """
+    """Angle that an IMU has turned about the vertical, by its own gravity."""
     group = max(int(imu.rate / BLOCK_RATE), 1)
     count = (imu.size - 1) // group
     stop = count * group + 1

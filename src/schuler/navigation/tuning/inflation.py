@@ -272,21 +272,7 @@ def tune_noise(
 
 
 def inflated(model: NoiseModel, factors: dict[tuple[str, str], float]) -> NoiseModel:
-    """Multiply the noise of a model.
-
-    Parameters
-    ----------
-    model : NoiseModel
-        Of a static log.
-    factors : dict of (str, str) to float
-        By sensor and kind, as in `NoiseInflation`; missing ones are one.
-
-    Returns
-    -------
-    NoiseModel
-        The same processes: white noise by one factor, what drives the others by the other; what
-        a bias is at switch-on stays.
-    """
+    """Multiply the noise of a model."""
     from schuler.noise import ProcessSum
 
     processes = {}

@@ -26,18 +26,6 @@ def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
 
     Means of whole groups: the increments stay exact, only coning within a group is lost, which
     is of no weight beside the noise that is being tuned.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    rate : float
-        Hz.
-
-    Returns
-    -------
-    ImuRecording
-        At `rate` or faster; the same recording if it is slow enough.
     """
     group = int(imu.rate / rate + 1e-6)
     if group < 2:
@@ -62,20 +50,7 @@ def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
 
 
 def thin(gnss: GnssRecording, interval: float) -> GnssRecording:
-    """Keep one epoch in every `interval` seconds.
-
-    Parameters
-    ----------
-    gnss : GnssRecording
-        Any rate.
-    interval : float
-        Seconds; 0 keeps all.
-
-    Returns
-    -------
-    GnssRecording
-        The first epoch of every interval.
-    """
+    """Keep one epoch in every `interval` seconds."""
     if interval <= 0.0:
         return gnss
     cell = np.floor((gnss.time - gnss.time[0]) / interval + 1e-6)
@@ -115,22 +90,6 @@ def innovations(
     """Filter a drive once for every thinning of GNSS and gather the innovations of GNSS.
 
     What is known of a vehicle takes part in the filter, but only GNSS judges.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The run.
-    gnss : sequence of GnssRecording
-        The same drive, thinned; the first one gives the start.
-    setup : RunSetup
-        To be judged.
-    level : (n, 6) ndarray or None
-        Vibration level at the samples of `imu`.
-
-    Returns
-    -------
-    InnovationSequence
-        In the order of the thinnings, then of time.
     """
     initial = setup.initial_state(imu, gnss[0])
     gate = gate_thresholds(0.0)

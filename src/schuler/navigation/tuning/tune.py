@@ -101,43 +101,7 @@ def tune(
     longest: int = LONGEST_SEARCH,
     progress: Callable[[str], None] | None = None,
 ) -> Tuning:
-    """Find noise factors and time offsets under which the innovations were most likely.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The drive, all six channels.
-    gnss : GnssRecording
-        Only epochs that may be looked at: withheld windows must be gone already.
-    start : RunSetup
-        Where noise and offsets start; its model, and the standard deviations of its vehicle, are
-        the centre of the prior. With a vehicle that rolls, these are found as well.
-    noise : "channels", "sensors" or None
-        White noise by channel, which also follows vibration, or one factor for each sensor; None:
-        noise as it is.
-    offsets : bool
-        Whether to find time offsets.
-    first : mapping of str to float or None
-        Values, as in `Tuning.values`, at which the search begins.
-    fixed : mapping of str to float or None
-        Values that are held.
-    prior_sd : float
-        Nepers.
-    longest : int
-        Steps of the search.
-    progress : callable or None
-        Called with a line of text now and then.
-
-    Returns
-    -------
-    Tuning
-        The setup found.
-
-    Raises
-    ------
-    EstimationError
-        Too few epochs, or a likelihood that cannot be evaluated.
-    """
+    """Find noise factors and time offsets under which the innovations were most likely."""
     if gnss.size < 20:
         raise EstimationError(
             f"only {gnss.size} GNSS epochs to tune with",

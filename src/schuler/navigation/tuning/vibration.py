@@ -36,37 +36,14 @@ class VibrationResponse:
         return self.accel != 0.0 or self.gyro != 0.0
 
     def white_scale(self, level: FloatArray) -> FloatArray:
-        """Return what multiplies the squared densities sample by sample.
-
-        Parameters
-        ----------
-        level : (n, 6) ndarray
-            From `vibration_level`.
-
-        Returns
-        -------
-        (n, 6) ndarray
-            For `run_engine`.
-        """
+        """Return what multiplies the squared densities sample by sample."""
         exponents = np.repeat([self.accel, self.gyro], 3)
         scale: FloatArray = np.exp(level * exponents)
         return scale
 
 
 def vibration_level(imu: ImuRecording) -> FloatArray:
-    """Strength of vibration at every sample against the typical one of the recording.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels, at their full rate.
-
-    Returns
-    -------
-    (n, 6) ndarray
-        Natural logarithm of the mean square difference of neighbouring samples over the last
-        second, less its mean; accelerometers first.
-    """
+    """Strength of vibration at every sample against the typical one of the recording."""
     mean, _ = mean_squares(imu)
     typical = np.maximum(np.median(mean, axis=0), 1e-300)
     limit = np.log(LARGEST_RATIO)
@@ -76,18 +53,7 @@ def vibration_level(imu: ImuRecording) -> FloatArray:
 
 
 def mean_squares(imu: ImuRecording) -> tuple[FloatArray, int]:
-    """Return the mean square difference of neighbouring samples over the last second.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels, at their full rate.
-
-    Returns
-    -------
-    tuple of ndarray and int
-        (n, 6), accelerometers first, and the number of samples in a second.
-    """
+    """Return the mean square difference of neighbouring samples over the last second."""
     values = np.concatenate([imu.accel, imu.gyro], axis=1)
     square = np.diff(values, axis=0, prepend=values[:1]) ** 2
     total = np.concatenate([np.zeros((1, 6)), np.cumsum(square, axis=0)])
@@ -98,21 +64,6 @@ def mean_squares(imu: ImuRecording) -> tuple[FloatArray, int]:
 
 
 def level_at(time: FloatArray, imu: ImuRecording, level: FloatArray) -> FloatArray:
-    """Pick the level of a full-rate recording at the stamps of a slower one.
-
-    Parameters
-    ----------
-    time : (k,) ndarray
-        Stamps, s.
-    imu : ImuRecording
-        The full-rate recording.
-    level : (n, 6) ndarray
-        Its level.
-
-    Returns
-    -------
-    (k, 6) ndarray
-        The level at the last sample up to each stamp.
-    """
+    """Pick the level of a full-rate recording at the stamps of a slower one."""
     last = np.searchsorted(imu.time, time, side="right") - 1
     return np.ascontiguousarray(level[np.clip(last, 0, imu.size - 1)])

@@ -38,18 +38,7 @@ NO_ERROR = 1e-6
 
 @register
 def calibration_sections(result: CalibrationReview) -> tuple[Section, ...]:
-    """Show a calibration.
-
-    Parameters
-    ----------
-    result : CalibrationReview
-        With the recording it was fitted to, and others.
-
-    Returns
-    -------
-    tuple of Section
-        How far the sensors are apart, and what was found.
-    """
+    """Show a calibration."""
     one = result.calibration
     summary = _summary(result)
     apart: list[Block] = [_facts(result), _curves(result.curves)]
@@ -260,20 +249,7 @@ def _places(one: ArrayCalibration) -> FigureGrid:
 
 
 def calibration_rows(one: ArrayCalibration) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return the table of a calibration: an axis of an IMU a row, standard errors in brackets.
-
-    Parameters
-    ----------
-    one : ArrayCalibration
-        What was found.
-
-    Returns
-    -------
-    columns : tuple of str
-        Headings; the last three are of biases, and of delays or beats.
-    rows : list of tuple of str
-        Cells; a dash where nothing was estimated.
-    """
+    """Return the table of a calibration: an axis of an IMU a row, standard errors in brackets."""
     polled = one.period is not None
     delay = "beat, Hz" if polled else "delay, ms"
     columns = ("IMU", "", "turn, deg", "gyro scale, %", "accel scale, %", "lever arm, mm")

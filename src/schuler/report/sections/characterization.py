@@ -46,18 +46,7 @@ PARTS: dict[str, tuple[str, str, Dash]] = {
 
 @register
 def characterization_sections(result: ImuCharacterization) -> tuple[Section, ...]:
-    """Show the noise of an IMU.
-
-    Parameters
-    ----------
-    result : ImuCharacterization
-        What was found in a static log.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show the noise of an IMU."""
     found = result.channels
     first = next(iter(found.values()))
     facts = Facts(

@@ -11,18 +11,7 @@ MOST_INTERVALS = 4
 
 
 def condition_section(findings: Sequence[dict[str, Any]]) -> Section:
-    """Show the findings of a run.
-
-    Parameters
-    ----------
-    findings : sequence of dict
-        As `characterize.screening.Finding.to_dict` leaves them, from the settings of a solution.
-
-    Returns
-    -------
-    Section
-        The findings, gravest first, or one line that says there are none.
-    """
+    """Show the findings of a run."""
     order = {"error": 0, "warning": 1, "info": 2}
     items = tuple(
         Finding(

@@ -28,57 +28,20 @@ _KEEP_N = (
 
 @register
 def allan_effect_sections(result: AllanEffect) -> tuple[Section, ...]:
-    """Show the Allan curve before and after de-noising.
-
-    Parameters
-    ----------
-    result : AllanEffect
-        Both curves.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show the Allan curve before and after de-noising."""
     return (denoising_section(result),)
 
 
 @register
 def denoised_sections(result: Denoised) -> tuple[Section, ...]:
-    """Show how a record was de-noised.
-
-    Parameters
-    ----------
-    result : Denoised
-        Thresholds level by level.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show how a record was de-noised."""
     return (Section("Levels of de-noising", _levels(result)),)
 
 
 def denoising_section(
     effect: AllanEffect, denoised: Denoised | None = None, name: str = ""
 ) -> Section:
-    """Show what de-noising did to a signal.
-
-    Parameters
-    ----------
-    effect : AllanEffect
-        Allan curves before and after.
-    denoised : Denoised, optional
-        Thresholds level by level.
-    name : str
-        Of the signal; a channel name gives units.
-
-    Returns
-    -------
-    Section
-        Curves, findings, levels.
-    """
+    """Show what de-noising did to a signal."""
     found = [Finding("info", f"{text[:1].upper()}{text[1:]}.") for text in effect.findings()]
     blocks: list[Block] = [_curves(effect, name), Findings(tuple(found))]
     if denoised is not None:

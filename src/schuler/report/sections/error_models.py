@@ -46,18 +46,7 @@ def _style(k: int) -> tuple[str, Dash]:
 
 @register
 def error_model_sections(comparison: ErrorModelComparison) -> tuple[Section, ...]:
-    """Show a comparison of error models.
-
-    Parameters
-    ----------
-    comparison : ErrorModelComparison
-        The same outages for every model.
-
-    Returns
-    -------
-    tuple of Section
-        Figures of all models, their tracks window by window, and pairs with their tests.
-    """
+    """Show a comparison of error models."""
     blocks: list[Block] = [_accuracy(comparison), _honesty(comparison), _bars(comparison)]
     if comparison.tracks:
         blocks += [_tracks(comparison), _growth(comparison)]

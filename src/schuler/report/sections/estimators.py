@@ -23,18 +23,7 @@ _AR = ("ar", "ar-covariance", "ar-yule-walker")
 
 
 def estimator_sections(channels: Channels) -> tuple[Section, ...]:
-    """Show AR, ARMA, FOS and GARCH, as far as they were asked for.
-
-    Parameters
-    ----------
-    channels : dict of str to MethodComparison
-        By name.
-
-    Returns
-    -------
-    tuple of Section
-        Possibly none.
-    """
+    """Show AR, ARMA, FOS and GARCH, as far as they were asked for."""
     predictors = [t for t in (_ar(channels), _arma(channels), _fos(channels)) if t.rows]
     garch = _garch_rows(channels)
     sections = []
@@ -47,18 +36,7 @@ def estimator_sections(channels: Channels) -> tuple[Section, ...]:
 
 
 def predictor_rows(channels: Channels) -> tuple[tuple[str, ...], ...]:
-    """Return the models that predict samples in short, with what they leave.
-
-    Parameters
-    ----------
-    channels : dict of str to MethodComparison
-        By name.
-
-    Returns
-    -------
-    tuple of (str, str, str, str)
-        Channel (in its first row only), method, model, words; empty without such methods.
-    """
+    """Return the models that predict samples in short, with what they leave."""
     rows: list[tuple[str, ...]] = []
     for name, c in channels.items():
         label = shown_name(name)

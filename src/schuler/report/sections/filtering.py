@@ -17,40 +17,14 @@ BODY_DIRECTIONS = ("x", "y", "z")
 
 
 def chi_square_quantile(probability: float, degrees: float) -> float:
-    """Return the quantile of the chi-square law.
-
-    Parameters
-    ----------
-    probability : float
-        0 to 1.
-    degrees : float
-        Degrees of freedom.
-
-    Returns
-    -------
-    float
-        Value below which that share lies.
-    """
+    """Return the quantile of the chi-square law."""
     from scipy.special import gammaincinv
 
     return float(2.0 * gammaincinv(0.5 * degrees, probability))
 
 
 def innovation_section(solution: NavigationSolution, spans: Spans) -> Section:
-    """Show every update against what the filter claimed before it.
-
-    Parameters
-    ----------
-    solution : NavigationSolution
-        The causal solution.
-    spans : tuple of (float, float)
-        Stretches without GNSS, seconds since the start.
-
-    Returns
-    -------
-    Section
-        Table and plots; a sentence on the NIS.
-    """
+    """Show every update against what the filter claimed before it."""
     innovations = solution.innovations
     kinds = innovations.kinds
     parts = {kind: innovations.of_kind(kind) for kind in kinds}
@@ -156,22 +130,7 @@ def _nis(kind: str, part: Innovations, time: FloatArray, spans: Spans) -> Figure
 def sensor_error_section(
     causal: NavigationSolution, smoothed: NavigationSolution | None, spans: Spans
 ) -> tuple[Section, ...]:
-    """Show the sensor errors that the filter estimated.
-
-    Parameters
-    ----------
-    causal : NavigationSolution
-        The solution of the filter.
-    smoothed : NavigationSolution or None
-        The smoothed solution.
-    spans : tuple of (float, float)
-        Stretches without GNSS, seconds since the start.
-
-    Returns
-    -------
-    tuple of Section
-        One section, none when no sensor error was estimated.
-    """
+    """Show the sensor errors that the filter estimated."""
     if not causal.sensor_error_names:
         return ()
     start = float(causal.trajectory.time[0])

@@ -27,18 +27,7 @@ MANY = 12
 
 @register
 def lasting_fault_sections(result: LastingFaults) -> tuple[Section, ...]:
-    """Show what windows of motion said of the gyros of an array.
-
-    Parameters
-    ----------
-    result : LastingFaults
-        What was found.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show what windows of motion said of the gyros of an array."""
     records = result.records
     items = [Finding("info", text[0].upper() + text[1:] + ".") for text in result.limits]
     items += [Finding("warning", r.text) for r in records[:MANY]]

@@ -47,18 +47,7 @@ WORDS = {
 
 @register
 def mechanization_sections(comparison: MechanizationComparison) -> tuple[Section, ...]:
-    """Show the comparison of mechanizations.
-
-    Parameters
-    ----------
-    comparison : MechanizationComparison
-        From `compare_mechanizations`.
-
-    Returns
-    -------
-    tuple of Section
-        Table, outages, uncertainty, biases.
-    """
+    """Show the comparison of mechanizations."""
     sections = [_overview(comparison)]
     if comparison.windows:
         sections.append(_outages(comparison))
@@ -70,18 +59,7 @@ def mechanization_sections(comparison: MechanizationComparison) -> tuple[Section
 def comparison_rows(
     comparison: MechanizationComparison,
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return headings and cells of the table that the terminal shows as well.
-
-    Parameters
-    ----------
-    comparison : MechanizationComparison
-        From `compare_mechanizations`.
-
-    Returns
-    -------
-    tuple of headings and rows
-        One row a mechanization; errors where there is a truth, outages where there are any.
-    """
+    """Return headings and cells of the table that the terminal shows as well."""
     truth = not np.isnan(comparison.results[0].rms).all()
     columns = ["mechanization", "states", "NIS a degree", "claimed sd, m", "heading sd, deg"]
     if truth:

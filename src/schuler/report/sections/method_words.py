@@ -14,59 +14,20 @@ _UNITS = {"gyro": ("gyro bias", "deg/h"), "accel": ("accel bias", "ug")}
 
 
 def shown_name(name: str) -> str:
-    """Return the name of a signal for people.
-
-    Parameters
-    ----------
-    name : str
-        A channel or anything else.
-
-    Returns
-    -------
-    str
-        Such as "Gyro x".
-    """
+    """Return the name of a signal for people."""
     if name in CHANNELS:
         return channel_title(name)
     return name or "Signal"
 
 
 def unit_of(name: str) -> tuple[str, float]:
-    """Return the unit in which deviations of a signal are drawn.
-
-    Parameters
-    ----------
-    name : str
-        A channel or anything else.
-
-    Returns
-    -------
-    unit : str
-        Empty where the signal is no known channel.
-    factor : float
-        SI over this unit.
-    """
+    """Return the unit in which deviations of a signal are drawn."""
     kind, unit = _UNITS.get(name.split("_")[0], ("", ""))
     return (pretty(unit), scale(unit, kind)) if kind else ("", 1.0)
 
 
 def quantity(parameter: str, name: str) -> tuple[str, str, float]:
-    """Return how a parameter is shown.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as "gauss_markov_2.sigma".
-    name : str
-        Of the signal.
-
-    Returns
-    -------
-    words, unit : str
-        For people.
-    factor : float
-        SI over this unit.
-    """
+    """Return how a parameter is shown."""
     match = re.match(r"^([a-z_]+?)(?:_(\d+))?\.(\w+)$", parameter)
     words = parameter.replace("_", " ").replace(".", " ")
     if match:

@@ -51,35 +51,13 @@ STROKES: dict[str, tuple[str, Dash, float]] = {
 
 @register
 def imu_method_sections(result: ImuMethodComparison) -> tuple[Section, ...]:
-    """Show several methods on all channels of a recording.
-
-    Parameters
-    ----------
-    result : ImuMethodComparison
-        What they found.
-
-    Returns
-    -------
-    tuple of Section
-        Methods side by side, theory over data, residuals, estimators.
-    """
+    """Show several methods on all channels of a recording."""
     return _sections(result.channels, result.duration)
 
 
 @register
 def method_sections(result: MethodComparison) -> tuple[Section, ...]:
-    """Show several methods on one signal.
-
-    Parameters
-    ----------
-    result : MethodComparison
-        What they found.
-
-    Returns
-    -------
-    tuple of Section
-        As for a whole recording.
-    """
+    """Show several methods on one signal."""
     return _sections({result.name: result}, result.samples / result.rate)
 
 
@@ -184,18 +162,7 @@ def _words(methods: list[str]) -> Table:
 
 
 def parameter_table(channels: Channels) -> Table:
-    """Return the parameters of all channels, a column for each method.
-
-    Parameters
-    ----------
-    channels : dict of str to MethodComparison
-        By name.
-
-    Returns
-    -------
-    Table
-        Channel, parameter, unit, methods, difference, agreement.
-    """
+    """Return the parameters of all channels, a column for each method."""
     compared = [p for c in channels.values() for p in c.parameters]
     shown = [m for m in METHODS if any(m in p.values for p in compared)]
     rows: list[tuple[str, ...]] = []
@@ -221,18 +188,7 @@ def parameter_table(channels: Channels) -> Table:
 
 
 def residual_words(channels: Channels) -> tuple[tuple[str, ...], ...]:
-    """Return what each method leaves of each channel, in words.
-
-    Parameters
-    ----------
-    channels : dict of str to MethodComparison
-        By name.
-
-    Returns
-    -------
-    tuple of (str, str, str)
-        Channel (in its first row only), method, words.
-    """
+    """Return what each method leaves of each channel, in words."""
     rows = []
     for name, c in channels.items():
         label = shown_name(name)

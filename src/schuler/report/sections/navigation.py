@@ -72,18 +72,7 @@ class NavigationResults:
 
 @register
 def solution_sections(solution: NavigationSolution) -> tuple[Section, ...]:
-    """Show one solution.
-
-    Parameters
-    ----------
-    solution : NavigationSolution
-        The solution.
-
-    Returns
-    -------
-    tuple of Section
-        Track, uncertainty, innovations, sensor errors.
-    """
+    """Show one solution."""
     if solution.smoothed:
         return run_sections(NavigationResults(smoothed=solution))
     return run_sections(NavigationResults(causal=solution))
@@ -91,18 +80,7 @@ def solution_sections(solution: NavigationSolution) -> tuple[Section, ...]:
 
 @register
 def run_sections(run: NavigationResults) -> tuple[Section, ...]:
-    """Show a navigation run.
-
-    Parameters
-    ----------
-    run : NavigationResults
-        Solutions with GNSS, truth and outages.
-
-    Returns
-    -------
-    tuple of Section
-        Track, uncertainty, innovations, sensor errors.
-    """
+    """Show a navigation run."""
     origin_time = float(run.best.trajectory.time[0])
     spans = tuple((a - origin_time, b - origin_time) for a, b in run.outages)
     filtered = run.causal or run.best
@@ -177,40 +155,14 @@ def _found(settings: dict[str, Any]) -> Table:
 def local_track(
     position: FloatArray, origin: FloatArray, points: int = TRACK_POINTS
 ) -> tuple[FloatArray, FloatArray]:
-    """Return east and north in m of a thinned track.
-
-    Parameters
-    ----------
-    position : (n, 3) ndarray
-        Latitude rad, longitude rad, height m.
-    origin : (3,) ndarray
-        Where east and north are zero.
-    points : int
-        About as many are kept.
-
-    Returns
-    -------
-    tuple of ndarray
-        East and north, m.
-    """
+    """Return east and north in m of a thinned track."""
     step = -(-position.shape[0] // points)
     ned = ned_from_geodetic(position[::step], origin)
     return ned[:, 1], ned[:, 0]
 
 
 def near_track(position: FloatArray, track: FloatArray) -> FloatArray:
-    """Return the positions near a track: a wrong fix far away would shrink it to a point.
-
-    Parameters
-    ----------
-    position, track : (n, 3) and (m, 3) ndarray
-        Latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    (k, 3) ndarray
-        Those within the extent of the track and half of it around, and 100 m.
-    """
+    """Return the positions near a track: a wrong fix far away would shrink it to a point."""
     low, high = track[:, :2].min(axis=0), track[:, :2].max(axis=0)
     around = 0.5 * float((high - low).max()) + 100.0 / 6.4e6
     inside = (position[:, :2] > low - around) & (position[:, :2] < high + around)
@@ -219,18 +171,7 @@ def near_track(position: FloatArray, track: FloatArray) -> FloatArray:
 
 
 def track_figure(run: NavigationResults) -> FigureGrid:
-    """Return the track in local coordinates, east against north to one scale.
-
-    Parameters
-    ----------
-    run : NavigationResults
-        Solutions with GNSS, truth and outages.
-
-    Returns
-    -------
-    FigureGrid
-        One plot.
-    """
+    """Return the track in local coordinates, east against north to one scale."""
     origin = run.best.trajectory.position[0]
     traces: list[dict[str, Any]] = []
     legend = []
@@ -284,20 +225,7 @@ def _smooth_angle(degrees: FloatArray) -> FloatArray:
 
 
 def motion_figures(trajectory: Trajectory, spans: tuple[tuple[float, float], ...]) -> FigureGrid:
-    """Return height, speed and attitude over time.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Any.
-    spans : tuple of (float, float)
-        Shaded stretches, seconds from the start.
-
-    Returns
-    -------
-    FigureGrid
-        Five figures.
-    """
+    """Return height, speed and attitude over time."""
     from schuler.rotations import euler_from_dcm
 
     time = trajectory.time - trajectory.time[0]

@@ -24,18 +24,7 @@ GROUPS = (("position", 0, "@x"), ("velocity", 3, "@y"), ("attitude", 6, "@z"))
 
 @register
 def observability_sections(result: RunObservability) -> tuple[Section, ...]:
-    """Show what a run tells of the state of its filter.
-
-    Parameters
-    ----------
-    result : RunObservability
-        From `observe` or `observe_array`.
-
-    Returns
-    -------
-    tuple of Section
-        One.
-    """
+    """Show what a run tells of the state of its filter."""
     matrix, size = result.matrix, len(result.matrix.names)
     facts = Facts(
         (

@@ -53,36 +53,14 @@ class OutageResults:
 
 @register
 def outage_results_sections(results: OutageResults) -> tuple[Section, ...]:
-    """Show an outage evaluation with a map of its first run.
-
-    Parameters
-    ----------
-    results : OutageResults
-        Evaluation and GNSS.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show an outage evaluation with a map of its first run."""
     (section,) = outage_sections(results.evaluation)
     return (replace(section, blocks=(*section.blocks, track_figure(results.first_run))),)
 
 
 @register
 def outage_sections(evaluation: OutageEvaluation) -> tuple[Section, ...]:
-    """Show an outage evaluation.
-
-    Parameters
-    ----------
-    evaluation : OutageEvaluation
-        Errors with GNSS withheld.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show an outage evaluation."""
     answers = _answers(evaluation)
     blocks = (
         _overall(answers),

@@ -43,26 +43,7 @@ def parameter_rows(
     short: bool = False,
     compact: bool = False,
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """Return a noise model as a table.
-
-    Parameters
-    ----------
-    model : NoiseModel
-        Processes with standard errors, and limits of what was not found.
-    units : {"datasheet", "si"}
-        In which units.
-    short : bool
-        Leave out what was not found on any axis, but for the random walk that everybody asks for.
-    compact : bool
-        Write errors in brackets, for narrow terminals.
-
-    Returns
-    -------
-    columns : tuple of str
-        Sensor, parameter, unit, and an estimate for each axis.
-    rows : tuple of tuple of str
-        The sensor is named in its first row only.
-    """
+    """Return a noise model as a table."""
     rows: list[tuple[str, ...]] = []
     for sensor in ("gyro", "accel"):
         channels = [f"{sensor}_{axis}" for axis in "xyz"]

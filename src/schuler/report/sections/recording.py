@@ -15,18 +15,7 @@ SHOWN_UNITS = {"gyro": ("angular rate", "deg/s"), "accel": ("acceleration", "m/s
 
 
 def pretty(unit: str) -> str:
-    """Return a unit with typographic powers and roots.
-
-    Parameters
-    ----------
-    unit : str
-        As `schuler.units` writes it.
-
-    Returns
-    -------
-    str
-        E.g. ``"m/s²/√Hz"``.
-    """
+    """Return a unit with typographic powers and roots."""
     for plain, nice in (
         ("^1.5", "^(3/2)"),
         ("^2", "²"),
@@ -42,36 +31,14 @@ def pretty(unit: str) -> str:
 
 
 def channel_title(channel: str) -> str:
-    """Return the name of a channel as people write it.
-
-    Parameters
-    ----------
-    channel : str
-        One of `CHANNELS`.
-
-    Returns
-    -------
-    str
-        E.g. ``"Gyro x"``.
-    """
+    """Return the name of a channel as people write it."""
     sensor, _, axis_name = channel.partition("_")
     return f"{sensor.capitalize()} {axis_name}"
 
 
 @register
 def recording_sections(imu: ImuRecording) -> tuple[Section, ...]:
-    """Show an IMU recording.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The recording.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show an IMU recording."""
     facts = Facts(
         (
             ("Recording", imu.name),

@@ -52,24 +52,7 @@ def _(result: Section) -> tuple[Section, ...]:
 
 
 def sections_of(result: object) -> tuple[Section, ...]:
-    """Return the sections that show a result.
-
-    Parameters
-    ----------
-    result : object
-        A recording, a screening, a characterization, a navigation run, an outage evaluation, or
-        a section made by the caller.
-
-    Returns
-    -------
-    tuple of Section
-        In reading order.
-
-    Raises
-    ------
-    InputError
-        Nothing is known about this kind of result.
-    """
+    """Return the sections that show a result."""
     module = type(result).__module__
     for start, home in _HOMES.items():
         if f"{module}.".startswith(f"{start}."):

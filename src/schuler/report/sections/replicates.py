@@ -36,18 +36,7 @@ COLOURS = {
 
 @register
 def replicate_sections(result: ReplicateComparison) -> tuple[Section, ...]:
-    """Show the parameters of several runs, pooled and apart.
-
-    Parameters
-    ----------
-    result : ReplicateComparison
-        By method.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show the parameters of several runs, pooled and apart."""
     judged = [p for p in result.parameters if p.agree is not None]
     agreeing = sum(bool(p.agree) for p in judged)
     facts = Facts(

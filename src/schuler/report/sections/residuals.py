@@ -21,19 +21,7 @@ _PREDICTORS = ("garch", "arma", "ar", "ar-covariance", "fos", "ar-yule-walker")
 
 
 def residual_section(channels: Channels) -> Section:
-    """Show the one-step errors of the methods.
-
-    Parameters
-    ----------
-    channels : dict of str to MethodComparison
-        By name.
-
-    Returns
-    -------
-    Section
-        Autocorrelation with robust band, quantiles against Gaussian noise, tests; without blocks
-        where no method predicts.
-    """
+    """Show the one-step errors of the methods."""
     if not any(c.residuals for c in channels.values()):
         return Section("What the models leave", ())
     drawn = {name: _drawn(c) for name, c in channels.items()}
@@ -188,18 +176,7 @@ def _row(left: ResidualDiagnostics) -> tuple[str, ...]:
 
 
 def probability(p_value: float) -> str:
-    """Return a p-value for people.
-
-    Parameters
-    ----------
-    p_value : float
-        0 to 1.
-
-    Returns
-    -------
-    str
-        E.g. "0.034" or "< 10⁻⁶".
-    """
+    """Return a p-value for people."""
     if not math.isfinite(p_value):
         return MISSING
     if p_value < 1e-6:

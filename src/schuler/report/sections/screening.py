@@ -13,18 +13,7 @@ MOST_INTERVALS = 4
 
 @register
 def screening_sections(screening: Screening) -> tuple[Section, ...]:
-    """Show a screening.
-
-    Parameters
-    ----------
-    screening : Screening
-        What was seen in a recording.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show a screening."""
     facts = Facts(
         (
             ("Rate", f"{screening.rate:.6g} Hz"),

@@ -45,18 +45,7 @@ def _colour(u: int) -> str:
 
 @register
 def synthetic_sections(result: SyntheticImu) -> tuple[Section, ...]:
-    """Show a synthetic IMU.
-
-    Parameters
-    ----------
-    result : SyntheticImu
-        What came out of `synthesize`.
-
-    Returns
-    -------
-    tuple of Section
-        Noise and weights, the geometry, and the faults if they were looked for.
-    """
+    """Show a synthetic IMU."""
     kinds = [f for f in (result.gyro, result.accel) if f is not None]
     sentences = tuple(_gain_sentence(f) for f in kinds)
     blocks: list[Block] = [
@@ -175,53 +164,18 @@ def _noise_figure(fused: FusedSensor) -> Figure:
 
 @register
 def geometry_report(result: Geometry) -> tuple[Section, ...]:
-    """Show a geometry with sensors of equal noise.
-
-    Parameters
-    ----------
-    result : Geometry
-        Sensor axes.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show a geometry with sensors of equal noise."""
     return geometry_sections(figures_of_merit(result))
 
 
 @register
 def merit_report(result: FiguresOfMerit) -> tuple[Section, ...]:
-    """Show what a geometry can do.
-
-    Parameters
-    ----------
-    result : FiguresOfMerit
-        Of some sensors.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show what a geometry can do."""
     return geometry_sections(result)
 
 
 def geometry_sections(figures: FiguresOfMerit, names: tuple[str, ...] = ()) -> tuple[Section, ...]:
-    """Return the section of a geometry.
-
-    Parameters
-    ----------
-    figures : FiguresOfMerit
-        What it can do.
-    names : tuple of str
-        Of the units.
-
-    Returns
-    -------
-    tuple of Section
-        One section with a drawing from three sides and in space.
-    """
+    """Return the section of a geometry."""
     geometry = figures.geometry
     units = int(geometry.units.max()) + 1
     titles = names or tuple(f"unit {u + 1}" for u in range(units))
@@ -309,18 +263,7 @@ def _drawing(
 
 @register
 def fault_sections(result: FaultDetection) -> tuple[Section, ...]:
-    """Show what the tests said of an array.
-
-    Parameters
-    ----------
-    result : FaultDetection
-        Of gyros and accelerometers.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show what the tests said of an array."""
     items = [Finding("info", text) for text in result.limits]
     records = result.records
     items += [Finding("info" if r.kind == "missing" else "warning", r.text) for r in records[:MANY]]

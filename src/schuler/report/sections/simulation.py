@@ -41,18 +41,7 @@ class SimulationResults:
 
 @register
 def simulation_sections(results: SimulationResults) -> tuple[Section, ...]:
-    """Show a simulated drive.
-
-    Parameters
-    ----------
-    results : SimulationResults
-        Drive and description.
-
-    Returns
-    -------
-    tuple of Section
-        Track and motion, and what the sensors are like.
-    """
+    """Show a simulated drive."""
     drive, told = results.drive, results.told
     log = drive.log
     facts = Facts(

@@ -17,18 +17,7 @@ HIGHEST_LOSS = 60.0
 
 
 def inflation_rows(found: NoiseTuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return the columns and rows of the factors.
-
-    Parameters
-    ----------
-    found : NoiseTuning
-        Of a drive.
-
-    Returns
-    -------
-    tuple of columns and rows
-        Densities in datasheet units.
-    """
+    """Return the columns and rows of the factors."""
     rows: list[tuple[str, ...]] = []
     for i in found.inflations:
         kind = f"{i.sensor} {'random walk' if i.kind == 'bias walk' else i.kind}"
@@ -59,18 +48,7 @@ def inflation_rows(found: NoiseTuning) -> tuple[tuple[str, ...], list[tuple[str,
 
 
 def loss_rows(found: NoiseTuning) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return the columns and rows of the likelihood over common factors.
-
-    Parameters
-    ----------
-    found : NoiseTuning
-        Of a drive.
-
-    Returns
-    -------
-    tuple of columns and rows
-        Log-likelihood below its maximum.
-    """
+    """Return the columns and rows of the likelihood over common factors."""
     tried = found.inflations[0].profile_factors if found.inflations else np.empty(0)
     rows = [
         (f"{i.sensor} {i.kind}", *(number(float(loss)) for loss in i.profile_loss))
@@ -81,18 +59,7 @@ def loss_rows(found: NoiseTuning) -> tuple[tuple[str, ...], list[tuple[str, ...]
 
 @register
 def tuning_sections(found: NoiseTuning) -> tuple[Section, ...]:
-    """Show what a drive says of a noise model.
-
-    Parameters
-    ----------
-    found : NoiseTuning
-        Factors with intervals and likelihoods.
-
-    Returns
-    -------
-    tuple of Section
-        One section.
-    """
+    """Show what a drive says of a noise model."""
     columns, rows = inflation_rows(found)
     factors = Table(
         "Static numbers and what the drive needs",

@@ -20,22 +20,7 @@ WITHIN_2_SIGMA = 0.954
 
 
 def uncertainty_section(answers: Answers, truth: Trajectory | None, spans: Spans) -> Section:
-    """Show claimed standard deviations, with real errors where there is a truth.
-
-    Parameters
-    ----------
-    answers : tuple of (str, str, NavigationSolution)
-        Name, colour and solution.
-    truth : Trajectory or None
-        What really happened.
-    spans : tuple of (float, float)
-        Stretches without GNSS, seconds since the start.
-
-    Returns
-    -------
-    Section
-        Errors with bands, or bands alone.
-    """
+    """Show claimed standard deviations, with real errors where there is a truth."""
     if truth is None:
         return Section("Claimed uncertainty", (_claimed(answers, spans),))
     blocks: list[Block] = []
@@ -66,21 +51,7 @@ def uncertainty_section(answers: Answers, truth: Trajectory | None, spans: Spans
 
 
 def errors_against(truth: Trajectory, solution: NavigationSolution) -> dict[str, FloatArray]:
-    """Return estimated minus true at the samples of the solution (spec 0, error signs).
-
-    Parameters
-    ----------
-    truth : Trajectory
-        What really happened; it must cover the time of the solution.
-    solution : NavigationSolution
-        What was estimated.
-
-    Returns
-    -------
-    dict of str to (n, 3) ndarray
-        ``"position"`` m and ``"velocity"`` m/s north, east, down; ``"attitude"`` rad, small
-        angles psi about north, east, down with C_estimated = (I - [psi x]) C_true.
-    """
+    """Return estimated minus true at the samples of the solution (spec 0, error signs)."""
     trajectory = solution.trajectory
     position = _at(truth.time, truth.position, trajectory.time)
     velocity = _at(truth.time, truth.velocity, trajectory.time)

@@ -92,29 +92,7 @@ def compose(
     stages: Sequence[tuple[float, Sequence[Block]]],
     rng: np.random.Generator,
 ) -> list[Manoeuvre]:
-    """Compose a drive of exactly this duration.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds in all.
-    standstill : float
-        Seconds at rest before the drive.
-    stages : sequence of (float, sequence of Block)
-        Share of the duration, and the blocks that fill it, in random order again and again.
-    rng : numpy.random.Generator
-        Source of the draw.
-
-    Returns
-    -------
-    list of Manoeuvre
-        From rest to rest.
-
-    Raises
-    ------
-    InputError
-        The duration leaves no time to drive.
-    """
+    """Compose a drive of exactly this duration."""
     plan = [Manoeuvre(standstill, 0.0), to_speed(0.0, 40.0 * KILOMETRES_PER_HOUR)]
     elapsed, speed = sum(m.duration for m in plan), plan[-1].speed
     left = duration - elapsed - to_speed(speed, 0.0).duration - REST_AT_END
@@ -167,27 +145,6 @@ def car_urban(
 
     Cruises of 20 to 50 km/h, corners of 90 degrees, bends, red lights of 5 to 20 s, slopes of a
     few per cent; at rest before and after.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds in all.
-    rng : numpy.random.Generator or int
-        Source of the draw, or its seed.
-    standstill : float
-        Seconds at rest before the drive.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    Profile
-        From 0 to `duration`. Source: spec 1.2.
-
-    Raises
-    ------
-    InputError
-        The duration leaves no time to drive.
     """
     return _car([(1.0, TOWN)], duration, rng, standstill, origin)
 
@@ -202,27 +159,6 @@ def car_mixed(
     """Return a drive through town, motorway and country, as trajectory 2 of S004 (15.05 min).
 
     20 to 123 km/h, where 123 km/h is reached and held on the motorway; at rest before and after.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds in all.
-    rng : numpy.random.Generator or int
-        Source of the draw, or its seed.
-    standstill : float
-        Seconds at rest before the drive.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    Profile
-        From 0 to `duration`. Source: spec 1.2.
-
-    Raises
-    ------
-    InputError
-        The duration leaves no time to drive.
     """
     fastest = (_cruise(123, 123, 20, 30),)
     once = 1e-9

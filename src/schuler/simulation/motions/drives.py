@@ -59,18 +59,7 @@ class Road:
 
     @staticmethod
     def random(rng: np.random.Generator) -> Road:
-        """Draw a road with slopes of a few per cent and heights of some metres.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the draw.
-
-        Returns
-        -------
-        Road
-            Three waves of 200 to 900 m in grade, two of 150 to 400 m in bank.
-        """
+        """Draw a road with slopes of a few per cent and heights of some metres."""
 
         def waves(count: int, amplitude: float, shortest: float, longest: float) -> FloatArray:
             return np.column_stack(
@@ -84,18 +73,7 @@ class Road:
         return Road(waves(3, 0.015, 200.0, 900.0), waves(2, 0.01, 150.0, 400.0))
 
     def angles(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return climb angle and bank angle along the way.
-
-        Parameters
-        ----------
-        distance : (n,) ndarray
-            Metres driven.
-
-        Returns
-        -------
-        grade, bank : (n,) ndarray
-            Radians.
-        """
+        """Return climb angle and bank angle along the way."""
         grade, bank = (
             np.sum(w[:, 0] * np.sin(2.0 * np.pi * distance[:, None] / w[:, 1] + w[:, 2]), axis=1)
             for w in (self.grade, self.bank)
@@ -119,18 +97,7 @@ class Suspension:
     roll_gradient: float = 0.009
 
     def lean(self, forward: FloatArray, to_the_right: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how the body leans against the road.
-
-        Parameters
-        ----------
-        forward, to_the_right : (n,) ndarray
-            Acceleration, m/s².
-
-        Returns
-        -------
-        roll, pitch : (n,) ndarray
-            Radians.
-        """
+        """Return how the body leans against the road."""
         return -self.roll_gradient * to_the_right, self.pitch_gradient * forward
 
 
@@ -147,18 +114,7 @@ class Balance:
     pitch_gradient: float = 0.01
 
     def lean(self, forward: FloatArray, to_the_right: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how the body leans against the road.
-
-        Parameters
-        ----------
-        forward, to_the_right : (n,) ndarray
-            Acceleration, m/s².
-
-        Returns
-        -------
-        roll, pitch : (n,) ndarray
-            Radians: gravity and the acceleration to the side add up along the body's down axis.
-        """
+        """Return how the body leans against the road."""
         return np.arctan2(to_the_right, STANDARD_GRAVITY), self.pitch_gradient * forward
 
 
@@ -184,22 +140,7 @@ class Course:
 
 
 def course_along(manoeuvres: Sequence[Manoeuvre], heading: float, time: FloatArray) -> Course:
-    """Evaluate a plan that starts at rest at time zero.
-
-    Parameters
-    ----------
-    manoeuvres : sequence of Manoeuvre
-        The plan.
-    heading : float
-        At the start, rad.
-    time : (n,) ndarray
-        Seconds.
-
-    Returns
-    -------
-    Course
-        At these times.
-    """
+    """Evaluate a plan that starts at rest at time zero."""
     duration = np.array([m.duration for m in manoeuvres])
     ends = np.cumsum(duration)
     k = np.clip(np.searchsorted(ends, time, side="right"), 0, len(manoeuvres) - 1)
@@ -238,20 +179,7 @@ def _check_plan(manoeuvres: Sequence[Manoeuvre]) -> None:
 
 
 def course_velocity(course: Course, grade: FloatArray) -> FloatArray:
-    """Return the velocity of a course on a slope.
-
-    Parameters
-    ----------
-    course : Course
-        At n times.
-    grade : (n,) ndarray
-        Climb angle, rad.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        North, east, up, m/s.
-    """
+    """Return the velocity of a course on a slope."""
     level = course.speed * np.cos(grade)
     return np.stack(
         [
@@ -275,29 +203,6 @@ def drive(
 
     The body points along the velocity over the ground (a point of no side slip, above the rear
     axle), pitches with the road's slope and with acceleration, and leans out of curves.
-
-    Parameters
-    ----------
-    manoeuvres : sequence of Manoeuvre
-        From rest at time zero.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-    heading : float
-        At the start, rad from north, positive to the east.
-    road : Road, optional
-        Flat if not given.
-    suspension : Suspension or Balance, optional
-        That of a common car if not given.
-
-    Returns
-    -------
-    Profile
-        From 0 to the sum of the durations.
-
-    Raises
-    ------
-    InputError
-        A manoeuvre that is too short, goes backwards or turns on the spot.
     """
     _check_plan(manoeuvres)
     way = Road() if road is None else road

@@ -84,20 +84,7 @@ def _flown(legs: Sequence[Leg], time: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def thrust_attitude(acceleration: FloatArray, yaw: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the tilt at which thrust alone gives an acceleration.
-
-    Parameters
-    ----------
-    acceleration : (n, 3) ndarray
-        North, east, up, m/s².
-    yaw : (n,) ndarray
-        Rad.
-
-    Returns
-    -------
-    roll, pitch : (n,) ndarray
-        Radians: the body's down axis points against the thrust.
-    """
+    """Return the tilt at which thrust alone gives an acceleration."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     forward = cosine * acceleration[:, 0] + sine * acceleration[:, 1]
     right = cosine * acceleration[:, 1] - sine * acceleration[:, 0]
@@ -114,35 +101,7 @@ def drone(
     height: float = 20.0,
     origin: ArrayLike = (np.pi / 4, 0.13, 250.0),
 ) -> Profile:
-    """Return a flight of a multirotor.
-
-    At rest, take-off, hover with the wander of a position hold, then agile moves of 6 to 20 m in
-    zig-zag with turns of the nose, hover, landing, at rest. The tilt is what the acceleration
-    asks of the thrust, 20 to 40 degrees in the moves.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds in all.
-    rng : numpy.random.Generator or int
-        Source of the draw, or its seed.
-    standstill : float
-        Seconds at rest before the flight.
-    height : float
-        Of the flight above the ground, m.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    Profile
-        From 0 to `duration`.
-
-    Raises
-    ------
-    InputError
-        The duration leaves less than 15 s for the moves, or the height is below 10 m.
-    """
+    """Return a flight of a multirotor."""
     rest_at_end = 5.0
     start = standstill + TAKE_OFF + HOVER
     stop = duration - rest_at_end - TAKE_OFF - HOVER

@@ -22,22 +22,7 @@ STRONGEST = 9.372
 
 
 def soft_step(time: FloatArray, start: float, duration: float) -> FloatArray:
-    """Return a step from zero to one that begins and ends softly.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds.
-    start : float
-        When it begins, s.
-    duration : float
-        How long it takes, s.
-
-    Returns
-    -------
-    (n,) ndarray
-        Zero before, one after, four continuous derivatives.
-    """
+    """Return a step from zero to one that begins and ends softly."""
     return np.asarray(STEP(np.clip((time - start) / duration, 0.0, 1.0)), dtype=np.float64)
 
 
@@ -59,41 +44,13 @@ class Waves:
     def random(
         rng: np.random.Generator, deviation: float, slowest: float, fastest: float, count: int = 4
     ) -> Waves:
-        """Draw waves of equal strength, their frequencies even on a logarithmic scale.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of the draw.
-        deviation : float
-            Root mean square of the sum.
-        slowest, fastest : float
-            Hz.
-        count : int
-            How many waves.
-
-        Returns
-        -------
-        Waves
-            The sum.
-        """
+        """Draw waves of equal strength, their frequencies even on a logarithmic scale."""
         amplitude = np.full(count, deviation * np.sqrt(2.0 / count))
         frequency = np.exp(rng.uniform(np.log(slowest), np.log(fastest), count))
         return Waves(amplitude, frequency, rng.uniform(0.0, 2.0 * np.pi, count))
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Return the sum.
-
-        Parameters
-        ----------
-        time : (n,) ndarray
-            Seconds.
-
-        Returns
-        -------
-        (n,) ndarray
-            In the unit of the amplitudes.
-        """
+        """Return the sum."""
         angle = 2.0 * np.pi * self.frequency * time[:, None] + self.phase
         return np.asarray(np.sum(self.amplitude * np.sin(angle), axis=1), dtype=np.float64)
 
@@ -101,23 +58,7 @@ class Waves:
 def integrate_velocity(
     velocity: Callable[[FloatArray], FloatArray], origin: FloatArray, knots: FloatArray
 ) -> FloatArray:
-    """Integrate a velocity over the earth.
-
-    Parameters
-    ----------
-    velocity : callable
-        Takes times (m,) in s, returns north, east, up in m/s, (m, 3).
-    origin : (3,) ndarray
-        Where the path starts: latitude rad, longitude rad, height m.
-    knots : (n,) ndarray
-        Seconds, strictly increasing.
-
-    Returns
-    -------
-    (n, 3) ndarray
-        Latitude and longitude minus the origin's, times the origin's metres per radian, and
-        height minus the origin's, m, at the knots; five Gauss-Legendre nodes between two knots.
-    """
+    """Integrate a velocity over the earth."""
     node, weight = np.polynomial.legendre.leggauss(5)
     step = np.diff(knots)
     time = (knots[:-1, None] + step[:, None] * 0.5 * (1.0 + node)).ravel()

@@ -79,24 +79,7 @@ class Profile:
         return self.stop - self.start
 
     def motion(self, time: ArrayLike) -> Motion:
-        """Return position, velocity, attitude and their derivatives.
-
-        Parameters
-        ----------
-        time : (n,) array_like
-            Seconds within start and stop.
-
-        Returns
-        -------
-        Motion
-            At these times. Source: v_n = (R_M + h) dL/dt, (R_N + h) cos L dl/dt, -dh/dt and their
-            derivatives, the change of the radii with latitude included.
-
-        Raises
-        ------
-        InputError
-            A time is outside the profile.
-        """
+        """Return position, velocity, attitude and their derivatives."""
         t = np.atleast_1d(np.asarray(time, dtype=np.float64))
         tolerance = 1e-9 * (1.0 + abs(self.stop))
         if t.size and not (t.min() >= self.start - tolerance and t.max() <= self.stop + tolerance):
@@ -112,47 +95,13 @@ class Profile:
         return Motion(position, velocity, velocity_rate, value[:, 3:], first[:, 3:])
 
     def trajectory(self, time: ArrayLike) -> Trajectory:
-        """Return the truth as a trajectory.
-
-        Parameters
-        ----------
-        time : (n,) array_like
-            Seconds, strictly increasing, within start and stop.
-
-        Returns
-        -------
-        Trajectory
-            Position, velocity and C_nb at these times.
-
-        Raises
-        ------
-        InputError
-            A time is outside the profile.
-        """
+        """Return the truth as a trajectory."""
         t = np.atleast_1d(np.asarray(time, dtype=np.float64))
         m = self.motion(t)
         return Trajectory(t, m.position, m.velocity, dcm_from_euler(*m.euler.T))
 
     def rates(self, time: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return what a perfect IMU feels at an instant.
-
-        Parameters
-        ----------
-        time : (n,) array_like
-            Seconds within start and stop.
-
-        Returns
-        -------
-        angular_rate : (n, 3) ndarray
-            w_ib in the body, rad/s: w_nb + C_bn (w_ie + w_en).
-        specific_force : (n, 3) ndarray
-            f in the body, m/s²: C_bn (dv/dt + (2 w_ie + w_en) x v - g). Source: S002 (4), spec 7.1.
-
-        Raises
-        ------
-        InputError
-            A time is outside the profile.
-        """
+        """Return what a perfect IMU feels at an instant."""
         m = self.motion(time)
         w_ie = earth.earth_rate_ned(m.position[:, 0])
         w_en = earth.transport_rate_ned(m.position, m.velocity)
@@ -214,30 +163,7 @@ def _rate_from_euler_rate(euler: FloatArray, euler_rate: FloatArray) -> FloatArr
 def fit_profile(
     time: ArrayLike, position: ArrayLike, euler: ArrayLike, origin: ArrayLike | None = None
 ) -> Profile:
-    """Return the profile that runs smoothly through given positions and attitudes.
-
-    Parameters
-    ----------
-    time : (n,) array_like
-        Seconds, strictly increasing, at least six.
-    position : (n, 3) array_like
-        Latitude rad, longitude rad, height m.
-    euler : (n, 3) array_like
-        Roll, pitch, yaw in rad, continuous over wraps. Angles are interpolated one by one, so
-        turns of any size are possible.
-    origin : (3,) array_like, optional
-        What positions are counted from; the first position if not given.
-
-    Returns
-    -------
-    Profile
-        Through every given row.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, values not finite, or fewer than six rows.
-    """
+    """Return the profile that runs smoothly through given positions and attitudes."""
     t, p = np.asarray(time, dtype=np.float64), np.asarray(position, dtype=np.float64)
     origin_ = p[0] if origin is None else np.asarray(origin, dtype=np.float64)
     local = (p - origin_) * np.array([*earth.metres_per_radian(origin_), 1.0])
@@ -247,30 +173,7 @@ def fit_profile(
 def fit_local_profile(
     time: FloatArray, local: FloatArray, euler: FloatArray, origin: FloatArray
 ) -> Profile:
-    """Return the profile through positions that are counted from an origin in its own metres.
-
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds, strictly increasing, at least six.
-    local : (n, 3) ndarray
-        Latitude and longitude minus the origin's, times `earth.metres_per_radian(origin)`, and
-        height minus the origin's, m.
-    euler : (n, 3) ndarray
-        Roll, pitch, yaw in rad, continuous over wraps.
-    origin : (3,) ndarray
-        Latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    Profile
-        Through every given row.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, values not finite, or fewer than six rows.
-    """
+    """Return the profile through positions that are counted from an origin in its own metres."""
     from scipy.interpolate import make_interp_spline
 
     n = time.size
@@ -295,28 +198,7 @@ def fit_local_profile(
 
 
 def from_waypoints(time: ArrayLike, position: ArrayLike, euler: ArrayLike | None = None) -> Profile:
-    """Return a smooth profile through waypoints.
-
-    Parameters
-    ----------
-    time : (n,) array_like
-        Seconds, strictly increasing, at least six; a second or more apart for gentle motion.
-    position : (n, 3) array_like
-        Latitude rad, longitude rad, height m.
-    euler : (n, 3) array_like, optional
-        Roll, pitch, yaw in rad, continuous over wraps. If not given, the body points where it
-        moves (yaw along the course, pitch along the climb) and does not roll.
-
-    Returns
-    -------
-    Profile
-        Through every waypoint.
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, or the attitude is to follow a motion that comes to rest.
-    """
+    """Return a smooth profile through waypoints."""
     t, p = np.asarray(time, dtype=np.float64), np.asarray(position, dtype=np.float64)
     if euler is not None:
         return fit_profile(t, p, euler)
@@ -347,27 +229,7 @@ def static(
     pitch: float = 0.0,
     yaw: float = 0.0,
 ) -> Profile:
-    """Return a profile that stands still.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds.
-    position : (3,) array_like
-        Latitude rad, longitude rad, height m.
-    roll, pitch, yaw : float
-        Attitude, rad.
-
-    Returns
-    -------
-    Profile
-        From 0 to `duration`.
-
-    Raises
-    ------
-    InputError
-        The duration is not positive.
-    """
+    """Return a profile that stands still."""
     if not duration > 0.0:
         raise InputError(f"duration {duration:g} s", expected="a positive duration")
     n = DEGREE + 1

@@ -61,27 +61,6 @@ def motorcycle(
 
     Curves to either side in which the motorcycle leans by 20 to 40 degrees, so that the force
     stays on its down axis, and turns at 0.5 to 1 rad/s; 38 to 80 km/h; at rest before and after.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds in all.
-    rng : numpy.random.Generator or int
-        Source of the draw, or its seed.
-    standstill : float
-        Seconds at rest before the ride.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    Profile
-        From 0 to `duration`. Source: spec 1.2 (after S002).
-
-    Raises
-    ------
-    InputError
-        The duration leaves no time to ride.
     """
     plan_rng, road_rng, heading_rng = np.random.default_rng(rng).spawn(3)
     return drive(

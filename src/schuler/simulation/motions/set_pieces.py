@@ -79,33 +79,7 @@ def car_with_set_pieces(
     origin: ArrayLike = (np.pi / 4, 0.13, 250.0),
     after: str = "town",
 ) -> tuple[Profile, tuple[tuple[float, float], ...]]:
-    """Return a drive like `car_urban` or `car_mixed` that holds the given pieces.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds in all.
-    pieces : sequence of SetPiece
-        In order.
-    rng : numpy.random.Generator or int
-        Source of what is driven between them, or its seed.
-    standstill : float
-        Seconds at rest before the drive.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-    after : {"town", "country", "motorway"}
-        What is driven after the last piece.
-
-    Returns
-    -------
-    Profile and tuple of (start, seconds)
-        The motion, from 0 to `duration`, and where the pieces are, whole seconds after 0.
-
-    Raises
-    ------
-    InputError
-        The duration leaves no time to drive.
-    """
+    """Return a drive like `car_urban` or `car_mixed` that holds the given pieces."""
     plan_rng, road_rng, heading_rng = np.random.default_rng(rng).spawn(3)
     built = [piece.manoeuvres() for piece in pieces]
     stages: list[tuple[float, Sequence[Block]]] = []

@@ -27,34 +27,7 @@ def ski(
     *,
     origin: ArrayLike = (0.8, 0.13, 2500.0),
 ) -> Profile:
-    """Return a slalom on skis after a wait at the start.
-
-    The wait is still, so that the IMU can be aligned. On the slope the heading swings by 50 to
-    60 degrees to either side, the body tilts by 40 to 50 degrees into the turns, and rises and
-    crouches by 20 to 30 degrees, each turn taking two to three seconds; once in the run the skier
-    looks back uphill. Then he stops and stands.
-
-    Parameters
-    ----------
-    standstill : float
-        Seconds at rest before the run (two to three minutes in S002).
-    run : float
-        Seconds of motion.
-    rng : numpy.random.Generator or int
-        Source of the draw, or its seed.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    Profile
-        From 0 to `standstill + run`. Source: spec 1.2 (after S002).
-
-    Raises
-    ------
-    InputError
-        The run is shorter than 20 s, or the wait negative.
-    """
+    """Return a slalom on skis after a wait at the start."""
     if not (run >= 20.0 and standstill >= 0.0):
         raise InputError(
             f"a run of {run:g} s after {standstill:g} s", expected="20 s or more, after 0 or more"

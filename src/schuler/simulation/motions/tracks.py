@@ -194,31 +194,7 @@ def _heading(time: FloatArray, velocity: FloatArray, spacing: float) -> FloatArr
 
 
 def from_track(track: GnssRecording, *, knot_spacing: float | None = None) -> Profile:
-    """Return a smooth motion that a recorded track could have come from.
-
-    Parameters
-    ----------
-    track : GnssRecording
-        Positions with standard deviations, and velocities where they were recorded with theirs
-        (left out where they contradict the positions, as late ones do). The more exact the fixes
-        claim to be, the closer the motion follows them.
-    knot_spacing : float, optional
-        Seconds between the knots; half the median step of the track, at most half a second and
-        at least 0.1 s, if not given.
-
-    Returns
-    -------
-    Profile
-        From the first epoch to the last: position through the noise of the fixes, yaw along the
-        course and pitch along the climb above 1 m/s (led from one to the other over stops), no
-        roll. A vehicle that reverses is taken to turn.
-
-    Raises
-    ------
-    InputError
-        Fewer than six epochs or two seconds, unknown standard deviations of positions, or a
-        spacing that is not positive or asks for too many knots.
-    """
+    """Return a smooth motion that a recorded track could have come from."""
     _check(track)
     step = float(np.median(np.diff(track.time)))
     spacing = float(np.clip(0.5 * step, 0.1, 0.5)) if knot_spacing is None else knot_spacing

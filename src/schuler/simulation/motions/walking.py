@@ -95,29 +95,6 @@ def walk(
 
     Stretches of 8 to 25 s, turns of 30 to 120 degrees, stops of 4 to 15 s; standing before and
     after.
-
-    Parameters
-    ----------
-    duration : float
-        Seconds in all.
-    rng : numpy.random.Generator or int
-        Source of the draw, or its seed.
-    standstill : float
-        Seconds of standing before the walk.
-    gait : Gait, optional
-        1.4 m/s in steps of 0.75 m if not given.
-    origin : (3,) array_like
-        Where it starts: latitude rad, longitude rad, height m.
-
-    Returns
-    -------
-    Profile
-        From 0 to `duration`.
-
-    Raises
-    ------
-    InputError
-        The duration leaves no time to walk, or speed or step length are not positive.
     """
     steps = Gait() if gait is None else gait
     if not (steps.speed > 0.0 and steps.step_length > 0.0):
