@@ -106,6 +106,24 @@ class NoiseModel:
         return found
 
     @classmethod
+    def isotropic(cls, gyro: Process, accel: Process) -> NoiseModel:
+        """Return a model with one process for all gyros and one for all accelerometers.
+
+        Parameters
+        ----------
+        gyro : Process
+            Of x, y and z, in rad/s.
+        accel : Process
+            Of x, y and z, in m/s².
+
+        Returns
+        -------
+        NoiseModel
+            Without standard errors.
+        """
+        return cls({c: gyro if c.startswith("gyro") else accel for c in CHANNELS})
+
+    @classmethod
     def load(cls, path: str | Path) -> NoiseModel:
         """Read a noise model that `save` or a person wrote.
 
