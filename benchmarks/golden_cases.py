@@ -171,13 +171,13 @@ def stream(folder: Path) -> Record:
     aiding = ("nhc", "zupt")
     imu, setup = prepare(recording, fixes, noise, aiding=aiding)
     filter_ = schuler.NavigationFilter.from_setup(setup, imu, fixes, late=1.0, lag=3.0)
+    columns = (fixes.position, fixes.position_sd, fixes.velocity, fixes.velocity_sd)
     waiting, kept, smoothed = 0, [], []
     for k, now in enumerate(imu.time.tolist()):
         filter_.add_imu(now, imu.gyro[k], imu.accel[k])
         while waiting < fixes.time.size and fixes.time[waiting] + 0.6 <= now:
-            values = (f[waiting] for f in (fixes.time, fixes.position, fixes.position_sd))
-            velocity = (fixes.velocity[waiting], fixes.velocity_sd[waiting])
-            filter_.add_gnss(*values, *velocity)
+            fix = tuple(f[waiting] for f in columns if f is not None)
+            filter_.add_gnss(fixes.time[waiting], *fix)
             waiting += 1
         if k % 50 == 49:
             kept.append(filter_.state())
