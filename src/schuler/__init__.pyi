@@ -177,7 +177,7 @@ from .estimation.gmwm.replicates import (
 from .estimation.identification import (
     Identification as Identification,
 )
-from .estimation.joint_fit import (
+from .estimation.identify import (
     identify as identify,
 )
 from .estimation.maximum_likelihood import (
