@@ -177,7 +177,7 @@ from .estimation.gmwm.replicates import (
 from .estimation.identification import (
     Identification as Identification,
 )
-from .estimation.joint_fit import (
+from .estimation.identify import (
     identify as identify,
 )
 from .estimation.maximum_likelihood import (
@@ -288,6 +288,9 @@ from .noise.autoregressive import (
 from .noise.base import (
     Process as Process,
 )
+from .noise.base import (
+    ProcessSum as ProcessSum,
+)
 from .noise.drifts import (
     RandomWalk as RandomWalk,
 )
@@ -308,9 +311,6 @@ from .noise.gauss_markov import (
 )
 from .noise.noise_model import (
     NoiseModel as NoiseModel,
-)
-from .noise.sums import (
-    ProcessSum as ProcessSum,
 )
 from .noise.white import (
     Quantization as Quantization,
