@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.parsing import parse_numbers
+from schuler.errors import InputError
+
 if TYPE_CHECKING:
     from schuler.navigation.aiding.options import MeasurementOptions
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class RunOptions:
     """What is known about the run.
@@ -53,9 +57,8 @@ class RunOptions:
     adaptive: bool = False
     gnss_correlated: str | None = None
 
-    def keywords(self) -> dict[str, Any]:
-        """Return them as `schuler.navigation.prepare` and `evaluate_outages` want them."""
-        from schuler.cli.loading import parse_numbers
+    def keywords(self, *, array: bool = False) -> dict[str, Any]:
+        """Return them as `prepare`, `prepare_array` and `evaluate_outages` want them."""
         from schuler.navigation.aiding.vehicle import check_constraints
 
         known: dict[str, Any] = {
@@ -67,6 +70,11 @@ class RunOptions:
             "aiding": check_constraints(self.aid),
         }
         if (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None):
+            if array:
+                raise InputError(
+                    "--update, --adaptive or --gnss-correlated with --array",
+                    expected="the gate and the receiver's own deviations",
+                )
             known["measurements"] = self._measurements()
         if self.mounting is not None:
             from schuler.rotations import dcm_from_euler
@@ -82,7 +90,6 @@ class RunOptions:
         return known
 
     def _measurements(self) -> MeasurementOptions:
-        from schuler.cli.loading import parse_numbers
         from schuler.navigation.aiding.attitude_sources import CorrelatedGnss
         from schuler.navigation.aiding.options import MeasurementOptions
         from schuler.navigation.aiding.weighting import GnssWeighting
