@@ -84,14 +84,14 @@ from .curves.wavelet_variance import (
 from .data.array import (
     ImuArray as ImuArray,
 )
-from .data.array import (
-    Mounting as Mounting,
-)
 from .data.gnss import (
     GnssRecording as GnssRecording,
 )
 from .data.imu import (
     ImuRecording as ImuRecording,
+)
+from .data.mounting import (
+    Mounting as Mounting,
 )
 from .data.trajectory import (
     Innovations as Innovations,

@@ -15,7 +15,7 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
-    from schuler.data.array import ImuArray, Mounting
+    from schuler.data import ImuArray, Mounting
     from schuler.data.gnss import GnssRecording
     from schuler.evaluation.mechanizations import MechanizationComparison
     from schuler.navigation.observability_run import RunObservability
@@ -96,7 +96,7 @@ def parse_mounting(texts: tuple[str, ...], count: int) -> Mounting:
     import numpy as np
 
     from schuler.cli.loading import parse_numbers
-    from schuler.data.array import Mounting
+    from schuler.data import Mounting
     from schuler.rotations import dcm_from_euler
 
     if len(texts) != count:

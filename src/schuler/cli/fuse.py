@@ -77,7 +77,6 @@ def fuse(
     reading : ImuReading, optional
         How to read the files.
     """
-    from schuler.arrays.common_axes import require_common_axes
     from schuler.cli.console import Screen
     from schuler.cli.loading import load_array, say_when_compiling
     from schuler.cli.outputs import STDOUT, Outputs, json_text
@@ -87,7 +86,6 @@ def fuse(
     inputs = (*files, *((calibration,) if calibration else ()))
     outputs = Outputs(out, noise_out, report, json, inputs=inputs)
     array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
-    require_common_axes(array)
     say_when_compiling()
     with progress("Fusing"):
         from schuler.arrays.detection.fault_settings import FaultSettings
@@ -182,12 +180,10 @@ def faults(
             files, healthy, calibration, window, false_alarm_rate, clocks, reading
         )
     else:
-        from schuler.arrays.common_axes import require_common_axes
         from schuler.arrays.detection.fault_settings import FaultSettings
         from schuler.arrays.tracking import OnlineSettings
 
         array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
-        require_common_axes(array)
         rate = 0.001 if false_alarm_rate is None else false_alarm_rate
         settings = FaultSettings(
             false_alarm_rate=rate,

@@ -182,7 +182,8 @@ def description(
         "fixes": drive.gnss.size,
         "files": "imu*: what the IMU recorded; gnss: what the receiver recorded; truth: position, "
         "velocity and attitude of the IMU at the true times of its samples (of the centre of an "
-        "array); noise.yaml: the noise model that was drawn from",
+        "array); noise.yaml: the noise model that was drawn from; mounting.yaml: how the IMUs of "
+        "an array sit on the body",
     }
 
 
@@ -193,6 +194,7 @@ def write_drive(
     import yaml
 
     from schuler.cli.outputs import Outputs
+    from schuler.data.mounting import MOUNTING_FILE, Mounting, mounting_yaml
     from schuler.io.trajectory import truth_columns, write_columns
 
     several = len(drive.imus) > 1
@@ -208,4 +210,8 @@ def write_drive(
     )
     if scenario.noise_model is not None:
         outputs.text(out / "noise.yaml", scenario.noise_model.to_yaml)
+    if scenario.array_rotations is not None and scenario.array_positions is not None:
+        mounting = Mounting(scenario.array_rotations, scenario.array_positions)
+        stems = [Path(n).stem for n in names]
+        outputs.text(out / MOUNTING_FILE, lambda: mounting_yaml(mounting, stems))
     return outputs.commit()
