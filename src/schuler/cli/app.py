@@ -24,6 +24,7 @@ from schuler.cli.navigate import navigate
 from schuler.cli.outages import outages
 from schuler.cli.simulate import simulate
 from schuler.cli.tune import tune
+from schuler.cli.verbs.geometry import geometry
 from schuler.cli.warm import warm
 from schuler.errors import SchulerError
 
@@ -47,7 +48,7 @@ app = App(
 )
 for _command in (
     demo, characterize, calibrate, fuse, faults, navigate, observability, outages, tune,
-    simulate, export, warm,
+    simulate, export, geometry, warm,
 ):  # fmt: skip
     app.command(_command)
 for _point in sorted(entry_points(group="schuler.verbs")):
