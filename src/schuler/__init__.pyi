@@ -12,6 +12,9 @@ from .arrays.clocks.jumps import (
 from .arrays.clocks.jumps import (
     find_jumps as find_jumps,
 )
+from .arrays.clocks.jumps import (
+    undo_jumps as undo_jumps,
+)
 from .arrays.clocks.synchronization import (
     Synchronization as Synchronization,
 )
@@ -44,6 +47,18 @@ from .arrays.detection.lasting_faults import (
 )
 from .arrays.geometry import (
     Geometry as Geometry,
+)
+from .arrays.merit import (
+    FiguresOfMerit as FiguresOfMerit,
+)
+from .arrays.merit import (
+    figures_of_merit as figures_of_merit,
+)
+from .arrays.optimum import (
+    OptimalGeometry as OptimalGeometry,
+)
+from .arrays.optimum import (
+    optimize_geometry as optimize_geometry,
 )
 from .arrays.read import (
     read_array as read_array,
@@ -84,14 +99,14 @@ from .curves.wavelet_variance import (
 from .data.array import (
     ImuArray as ImuArray,
 )
-from .data.array import (
-    Mounting as Mounting,
-)
 from .data.gnss import (
     GnssRecording as GnssRecording,
 )
 from .data.imu import (
     ImuRecording as ImuRecording,
+)
+from .data.mounting import (
+    Mounting as Mounting,
 )
 from .data.trajectory import (
     Innovations as Innovations,
@@ -369,6 +384,7 @@ __all__ = [
     "ErrorModelComparison",
     "FaultDetection",
     "FaultSettings",
+    "FiguresOfMerit",
     "FilterState",
     "FosFit",
     "GarchFit",
@@ -398,6 +414,7 @@ __all__ = [
     "NoiseModel",
     "NoiseTuning",
     "Observability",
+    "OptimalGeometry",
     "OutageEvaluation",
     "PooledIdentification",
     "Process",
@@ -434,6 +451,7 @@ __all__ = [
     "error_models",
     "evaluate_outages",
     "fast_orthogonal_search",
+    "figures_of_merit",
     "find_jumps",
     "fit_ar",
     "fit_arma",
@@ -449,6 +467,7 @@ __all__ = [
     "navigate",
     "navigate_array",
     "observability",
+    "optimize_geometry",
     "power_spectral_density",
     "read_array",
     "read_gnss",
@@ -465,6 +484,7 @@ __all__ = [
     "synchronize",
     "synthesize",
     "tune_noise",
+    "undo_jumps",
     "wavelet_variance",
     "write_kalibr",
     "write_report",

@@ -21,6 +21,7 @@ VERBS = (
     "tune",
     "simulate",
     "export",
+    "geometry",
     "warm",
 )
 """Our verbs, in the order of the help; each is a function of its name in a module of its name."""

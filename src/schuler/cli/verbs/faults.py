@@ -95,13 +95,11 @@ def _sample_by_sample(
     files: tuple[Path, ...], options: FaultOptions, reading: ImuReading
 ) -> Result:
     """Test every sample and its means against the noise."""
-    from schuler.arrays.common_axes import require_common_axes
     from schuler.arrays.detection.fault_settings import FaultSettings
     from schuler.arrays.detection.faults import detect_faults
     from schuler.arrays.tracking import OnlineSettings
 
     array = load_array(files, options.calibration, reading.options(), options.clocks)
-    require_common_axes(array)
     rate = options.rate(0.001)
     settings = FaultSettings(
         false_alarm_rate=rate,
