@@ -28,6 +28,14 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+@kernel(inline=True)
+def clear(design: Array) -> None:
+    """Set to zero."""
+    for i in range(design.shape[0]):
+        for k in range(design.shape[1]):
+            design[i, k] = 0.0
+
+
 @kernel()
 def measurement_model(
     kind: int,
@@ -48,9 +56,7 @@ def measurement_model(
     with respect to n, in the body frame, rad/s.
     """
     n = design.shape[1]
-    for i in range(3):
-        for k in range(n):
-            design[i, k] = 0.0
+    clear(design)
     if kind == 0:
         x, y, z = lever_arm[0], lever_arm[1], lever_arm[2]
     else:
@@ -106,7 +112,7 @@ def linear_model(
 
     `matrix` (3, m) is G. As sensor states are true minus estimated, H = -G. Spec 7.5, 7.6.
     """
-    design[:, :] = 0.0
+    clear(design)
     for i in range(3):
         total = -value[i]
         for j in range(sensor_state.size):

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
+from schuler.kernels.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.aiding.gnss import VEHICLE_VELOCITY, AidingSchedule, merge_schedules
 from schuler.navigation.aiding.vehicle import WHEEL_STATE
 from schuler.navigation.aiding.wheel_lines import (
@@ -31,16 +32,12 @@ from schuler.navigation.aiding.wheel_lines import (
 )
 from schuler.navigation.engine import diverged
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.stepping import (
-    NO_SCALE,
     FilterStepper,
     InitialState,
     VehicleStates,
-    aiding_arrays,
-    measurement_arrays,
-    node_arrays,
-    sample_arrays,
+    kernel_samples,
+    kernel_schedule,
 )
 from schuler.types import FloatArray
 
@@ -218,36 +215,34 @@ def _pieces(
     wheel = (whole.kind == VEHICLE_VELOCITY) & ~np.isfinite(whole.variance).any(axis=1)
     rows = np.flatnonzero(wheel & np.isin(whole.time, due))
     stepper = FilterStepper(initial, model, gate=gate, vehicle=vehicle, node_interval=1e9)
-    measurements = measurement_arrays(whole, model.size)
-    aiding = AidingOutputs.empty(whole.size, 0, stepper.size)
-    nodes = NodeOutputs.empty(whole.size + 3, 0, stepper.size, stepper.width)
-    scale = NO_SCALE if white_scale is None else np.ascontiguousarray(white_scale)
+    filter_ = stepper.filter(
+        kernel_samples(imu, white_scale),
+        kernel_schedule(whole, model.size),
+        SampleOutputs.empty(imu.size),
+        AidingOutputs.empty(whole.size, 0, stepper.size),
+        NodeOutputs.empty(whole.size + 3, 0, stepper.size, stepper.width),
+    )
+    table = filter_.schedule.rows
     first, told = 0, False
     for last, row in zip(ends, rows, strict=True):
         own = slice(first, int(last) + 1)
-        samples = SampleOutputs.empty(own.stop - own.start)
-        bad = stepper.advance(
-            imu.time[own],
-            imu.gyro[own],
-            imu.accel[own],
-            scale[own] if scale.size else scale,
-            False,
-            stepper.tail(
-                measurements, sample_arrays(samples), aiding_arrays(aiding), node_arrays(nodes)
-            ),
-        )
+        bad = stepper.advance(filter_, own.start, own.stop, whole.size)
         if bad >= 0:
-            raise diverged(imu, first + bad)
-        first, position = own.stop, stepper.views()
+            raise diverged(imu, bad)
+        first = own.stop
 
         def tell(speed: float, sd: float, row: int = int(row)) -> None:
             nonlocal told
             told = True
-            whole.value[row, 0], whole.variance[row, 0] = speed, sd**2
+            table["value"][row, 0], table["variance"][row, 0] = speed, sd**2
 
         before, told = told, False
         yield _Piece(
-            samples.velocity, before, InitialState(*position), float(whole.time[row]), tell
+            filter_.outputs.velocity[own],
+            before,
+            InitialState(*stepper.copies()),
+            float(whole.time[row]),
+            tell,
         )
 
 
