@@ -155,7 +155,7 @@ class FilterStepper:
     @property
     def width(self) -> int:
         """States of the largest block w."""
-        return self.model.drift.shape[1]
+        return int(self.model.drift.shape[1])
 
     @property
     def samples_taken(self) -> int:
