@@ -73,10 +73,10 @@ from .arrays.synthesis.volatility import (
     averaged_volatility as averaged_volatility,
 )
 from .curves.allan import (
-    AllanCurve as AllanCurve,
-)
-from .curves.allan import (
     allan_deviation as allan_deviation,
+)
+from .curves.allan_curve import (
+    AllanCurve as AllanCurve,
 )
 from .curves.autocorrelation import (
     AutocorrelationCurve as AutocorrelationCurve,
