@@ -13,7 +13,7 @@ from schuler.cli.reading import ImuReading
 if TYPE_CHECKING:
     from schuler.arrays.detection.fault_log import FaultRecord
     from schuler.arrays.detection.faults import FaultDetection
-    from schuler.arrays.detection.lasting_faults import LastingFault, LastingFaults
+    from schuler.arrays.detection.lasting_faults import LastingFaults
     from schuler.arrays.synthesis.synthetic import SyntheticImu
     from schuler.cli.console import Screen
     from schuler.data import ImuArray
@@ -238,11 +238,8 @@ def _faults_in_motion(
 ) -> tuple[LastingFaults, dict[str, Any]]:
     """Learn from the healthy recordings, and look at the files."""
     from schuler.arrays.calibration.result import ArrayCalibration
-    from schuler.arrays.detection.lasting_faults import (
-        LastingFaultSettings,
-        detect_lasting_faults,
-        learn_healthy_motion,
-    )
+    from schuler.arrays.detection.healthy_motion import LastingFaultSettings, learn_healthy_motion
+    from schuler.arrays.detection.lasting_faults import detect_lasting_faults
     from schuler.cli.loading import load_array
     from schuler.errors import InputError
     from schuler.execution.progress import progress
@@ -267,7 +264,7 @@ def _faults_in_motion(
     return found, {"window_s": window, "false_alarm_rate": rate}
 
 
-def _show_records(screen: Screen, records: Sequence[FaultRecord | LastingFault]) -> None:
+def _show_records(screen: Screen, records: Sequence[FaultRecord]) -> None:
     for record in records[:MOST_RECORDS]:
         screen.finding("info" if record.kind == "missing" else "warning", record.text)
     if len(records) > MOST_RECORDS:
