@@ -203,6 +203,7 @@ def _compare(
     from schuler.cli.provenance import command_provenance
     from schuler.evaluation.mechanizations import compare_mechanizations
     from schuler.execution.progress import progress
+    from schuler.navigation.settings import NavigationSettings
     from schuler.report import render_report
 
     out, report, json = files
@@ -212,10 +213,10 @@ def _compare(
             raise InputError(
                 f"{name} with --mechanization all", expected="one mechanization", cure="name it"
             )
-    told = {k: v for k, v in keywords.items() if k != "aiding"}
+    told = NavigationSettings(**keywords)
     with progress("Comparing mechanizations") as shown:
         comparison = compare_mechanizations(
-            array, fixes, model, parity=options.parity, outages=windows, progress=shown.say, **told
+            array, fixes, model, told, parity=options.parity, outages=windows, progress=shown.say
         )
     if report is not None:
         page = render_report(
@@ -291,6 +292,7 @@ def observability(
     from schuler.navigation.mechanizations.array_preparation import prepare_array
     from schuler.navigation.observability_run import observe, observe_array
     from schuler.navigation.preparation.prepare import prepare
+    from schuler.navigation.settings import NavigationSettings
     from schuler.report import render_report
 
     options = several or ArrayOptions()
@@ -307,7 +309,8 @@ def observability(
         array, fixes = load_array_drive(options, gnss, how)
         say_when_compiling()
         with progress("Observing") as shown:
-            prepared = prepare_array(array, fixes, model, progress=shown.say, **keywords)
+            settings = NavigationSettings(**keywords)
+            prepared = prepare_array(array, fixes, model, settings, shown.say)
             results = observe_array(prepared, fixes)
     else:
         recording, fixes = load_drive(imu, gnss, how)

@@ -83,7 +83,7 @@ class RunOptions:
 
     def _measurements(self) -> MeasurementOptions:
         from schuler.cli.loading import parse_numbers
-        from schuler.navigation.aiding.attitude_sources import CorrelatedGnss
+        from schuler.navigation.aiding.gnss import CorrelatedGnss
         from schuler.navigation.aiding.options import MeasurementOptions
         from schuler.navigation.aiding.weighting import GnssWeighting
 

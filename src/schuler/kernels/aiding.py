@@ -1,6 +1,7 @@
 """One door to all kinds of aiding measurements: what is compared, and how it depends on the state.
 
-Kinds 0, 1 and 5 are in kernels/update.py, what a vehicle tells (2 to 4) in kernels/vehicle.py.
+Kinds 0 and 1 are in kernels/update.py, what a vehicle tells (2 to 4) in kernels/vehicle.py, those
+whose rows carry their derivatives (5 and 9) in kernels/general_aiding.py.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from numpy.typing import NDArray
 
 from schuler.kernels.attitude_aiding import heading_model, magnetic_model
 from schuler.kernels.compile import kernel
+from schuler.kernels.general_aiding import general_model
 from schuler.kernels.transition import correct_sample
 from schuler.kernels.update import (
     add_offset_states,
     add_rate_noise,
-    linear_model,
     measurement_model,
 )
 from schuler.kernels.vehicle import standstill_model, vehicle_velocity_model
@@ -134,8 +135,18 @@ def aiding_model(
                 for c in range(3):
                     body_rate[i] -= rotation[c, i] * earth[3 + c]
         standstill_model(kind, velocity, rotation, body_rate, channel, direction, residual, design)
-    elif kind == 5:
-        linear_model(value, matrix, sensor_state, residual, design)
+    elif kind == 5 or kind == 9:
+        general_model(
+            value,
+            lever,
+            matrix,
+            position,
+            velocity,
+            rotation,
+            sensor_state,
+            residual,
+            design,
+        )
     elif kind == 6:
         heading_model(value, lever, rotation, residual, design)
     elif kind == 7:

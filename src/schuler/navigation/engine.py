@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.aiding.schedule import GENERAL, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.outputs import (
     AidingOutputs,
@@ -334,8 +334,11 @@ def run_engine(
         memory = stepper.memory.nbytes + stepper.counters.nbytes
         starts = _parts(imu.time, schedule.time, node_interval, needed, memory, smoother_memory)
     kept: list[tuple[int, FloatArray, NDArray[np.int64], float]] = []
-    for first, stop in pairwise(starts):
-        if keep_nodes and not whole:
+    asked = asked_at(imu.time, schedule)
+    for first, stop in pairwise(sorted({*starts, *asked})):
+        for u in asked.get(first, ()):
+            fill_row(schedule, u, stepper)
+        if keep_nodes and not whole and first in starts:
             made = stepper.nodes_made
             last = float(nodes.time[made - 1]) if made else -np.inf
             kept.append((made, stepper.memory.copy(), stepper.counters.copy(), last))
@@ -374,6 +377,24 @@ def run_engine(
         final=InitialState(position, velocity, rotation, sensor_state, covariance),
         checkpoints=checkpoints,
     )
+
+
+def asked_at(time: FloatArray, schedule: AidingSchedule) -> dict[int, list[int]]:
+    """Measurements of a user's own by the sample before which their models are asked."""
+    rows = np.flatnonzero(schedule.kind == GENERAL)
+    samples = np.searchsorted(time, schedule.time[rows], side="left")
+    found: dict[int, list[int]] = {}
+    for u, sample in zip(rows.tolist(), samples.tolist(), strict=True):
+        # the first step takes two samples
+        found.setdefault(sample if sample > 1 else 0, []).append(u)
+    return found
+
+
+def fill_row(schedule: AidingSchedule, u: int, stepper: FilterStepper) -> None:
+    """Ask the model of a measurement where the filter is."""
+    row = schedule.general[int(schedule.matrix[u])]
+    if row is not None:
+        row.fill(schedule, u, stepper.time, stepper.views()[:4])
 
 
 def diverged(imu: ImuRecording, sample: int) -> NavigationError:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.navigation.aiding.gnss import LINEAR, AidingSchedule
+from schuler.navigation.aiding.schedule import GENERAL, LINEAR, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.types import FloatArray, IntArray
@@ -313,7 +313,7 @@ def measurement_arrays(schedule: AidingSchedule, states: int) -> tuple[Any, ...]
         schedule.lever_arm,
         schedule.offset_state,
         schedule.matrix,
-        schedule.matrices if schedule.matrices.size else np.zeros((1, 3, states)),
+        schedule.matrices if schedule.matrices.size else np.zeros((1, 3, 12 + states)),
     )
 
 
@@ -334,12 +334,12 @@ def check_references(schedule: AidingSchedule, states: int) -> None:
     """
     from schuler.errors import NavigationError
 
-    linear = schedule.kind == LINEAR
+    linear = (schedule.kind == LINEAR) | (schedule.kind == GENERAL)
     if np.any(linear):
         count, _, width = schedule.matrices.shape
-        if width != states:
+        if width != 12 + states:
             raise NavigationError(
-                f"linear measurements of {width} sensor states, the model has {states}",
+                f"linear measurements of {width - 12} sensor states, the model has {states}",
                 expected="a column for every sensor state",
             )
         if np.any((schedule.matrix[linear] < 0) | (schedule.matrix[linear] >= count)):

@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
-from schuler.navigation.aiding.gnss import POSITION, VELOCITY, AidingSchedule
+from schuler.navigation.aiding.schedule import GENERAL, POSITION, VELOCITY, AidingSchedule
 from schuler.navigation.causal import ConstraintStream, GapNoise, VibrationStream
-from schuler.navigation.engine import NodeStretch, gate_thresholds
+from schuler.navigation.engine import NodeStretch, fill_row, gate_thresholds
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.lagged import lag_horizons, smooth_nodes_with_lag
 from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
@@ -224,7 +224,8 @@ class NavigationFilter:
         self._arm = np.zeros((rows, 3))
         self._offset_state = np.full((rows, 3), -1, dtype=np.int64)
         self._matrix = np.full(rows, -1, dtype=np.int64)
-        self._matrices = np.zeros((1, 3, self._states))
+        self._matrices = np.zeros((rows, 3, 12 + self._states))
+        self._matrices_taken = 0
         self._measured = (
             self._time,
             self._kind,
@@ -289,7 +290,7 @@ class NavigationFilter:
             The setup has measurements that a stream does not make by itself.
         """
         more = setup.measurements
-        other = setup.sources or more.sources or more.correlated is not None
+        other = setup.sources or more.correlated is not None
         if other or (setup.vehicle is not None and "wheel" in setup.vehicle.constraints):
             raise InputError(
                 "a setup with speed from wheel vibration or measurements of other sources",
@@ -440,7 +441,7 @@ class NavigationFilter:
         return taken
 
     def add(self, measurements: AidingSchedule) -> bool:
-        """Take any measurements: constraints of a vehicle, linear functions of sensor states.
+        """Take any measurements: constraints of a vehicle, other sensors, models of one's own.
 
         Parameters
         ----------
@@ -458,22 +459,25 @@ class NavigationFilter:
             They refer to states that do not exist.
         """
         check_references(measurements, self._states)
-        shift = 0
-        if measurements.matrices.size:
-            shift = len(self._matrices)
-            self._matrices = np.concatenate([self._matrices, measurements.matrices])
         taken = True
         for k in range(measurements.size):
-            matrix = int(measurements.matrix[k])
+            when, matrix = float(measurements.time[k]), int(measurements.matrix[k])
+            if measurements.kind[k] == GENERAL and (when > self._last or self._go_back(when)):
+                fill_row(measurements, k, self._stepper)
+            if matrix >= 0:
+                place = self._matrices_taken % len(self._matrices)
+                self._matrices[place] = measurements.matrices[matrix]
+                self._matrices_taken += 1
+                matrix = place
             taken &= self._insert(
-                float(measurements.time[k]),
+                when,
                 int(measurements.kind[k]),
                 2,
                 measurements.value[k],
                 measurements.variance[k],
                 measurements.lever_arm[k],
                 measurements.offset_state[k],
-                matrix + shift if matrix >= 0 else -1,
+                matrix,
             )
         self._catch_up()
         return taken
