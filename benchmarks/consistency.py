@@ -43,7 +43,7 @@ from twins import LEVER, Twin, draw_twin, navigation_errors, perfect
 from vehicle_twins import ARM, draw_vehicle, ride
 
 from schuler.arrays.geometry import tetrahedron_mounting
-from schuler.data.array import Mounting
+from schuler.data import Mounting
 from schuler.navigation.aiding.barometer import Barometer
 from schuler.navigation.aiding.gnss import CorrelatedGnss
 from schuler.navigation.aiding.heading import Heading

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.arrays.geometry import tetrahedron_mounting
-from schuler.data import CHANNELS, GnssRecording
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import CHANNELS, GnssRecording, ImuArray, Mounting
 from schuler.navigation.mechanizations.array_model import extended_model
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
 from schuler.navigation.mechanizations.navigate_array import Mechanization, run_mechanization

@@ -250,7 +250,7 @@ def test_outages_and_arrays_take_it_and_a_page_shows_it(drive: Drive) -> None:
         )
         assert worst(drive, done.solution)[0] < 1.2
         assert "range to beacon 1" in done.solution.innovations.kinds
-    with pytest.raises(InputError, match="other sensors.*with the system mechanization"):
+    with pytest.raises(InputError, match=r"other sensors.*with the system mechanization"):
         schuler.navigate_array(pair, drive.gnss, NOISE, mechanization="system", **told)
 
 

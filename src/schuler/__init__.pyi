@@ -12,6 +12,9 @@ from .arrays.clocks.jumps import (
 from .arrays.clocks.jumps import (
     find_jumps as find_jumps,
 )
+from .arrays.clocks.jumps import (
+    undo_jumps as undo_jumps,
+)
 from .arrays.clocks.synchronization import (
     Synchronization as Synchronization,
 )
@@ -44,6 +47,18 @@ from .arrays.detection.lasting_faults import (
 )
 from .arrays.geometry import (
     Geometry as Geometry,
+)
+from .arrays.merit import (
+    FiguresOfMerit as FiguresOfMerit,
+)
+from .arrays.merit import (
+    figures_of_merit as figures_of_merit,
+)
+from .arrays.optimum import (
+    OptimalGeometry as OptimalGeometry,
+)
+from .arrays.optimum import (
+    optimize_geometry as optimize_geometry,
 )
 from .arrays.read import (
     read_array as read_array,
@@ -84,14 +99,14 @@ from .curves.wavelet_variance import (
 from .data.array import (
     ImuArray as ImuArray,
 )
-from .data.array import (
-    Mounting as Mounting,
-)
 from .data.gnss import (
     GnssRecording as GnssRecording,
 )
 from .data.imu import (
     ImuRecording as ImuRecording,
+)
+from .data.mounting import (
+    Mounting as Mounting,
 )
 from .data.trajectory import (
     Innovations as Innovations,
@@ -177,7 +192,7 @@ from .estimation.gmwm.replicates import (
 from .estimation.identification import (
     Identification as Identification,
 )
-from .estimation.joint_fit import (
+from .estimation.identify import (
     identify as identify,
 )
 from .estimation.maximum_likelihood import (
@@ -300,6 +315,9 @@ from .noise.autoregressive import (
 from .noise.base import (
     Process as Process,
 )
+from .noise.base import (
+    ProcessSum as ProcessSum,
+)
 from .noise.drifts import (
     RandomWalk as RandomWalk,
 )
@@ -320,9 +338,6 @@ from .noise.gauss_markov import (
 )
 from .noise.noise_model import (
     NoiseModel as NoiseModel,
-)
-from .noise.sums import (
-    ProcessSum as ProcessSum,
 )
 from .noise.white import (
     Quantization as Quantization,
@@ -383,6 +398,7 @@ __all__ = [
     "ErrorModelComparison",
     "FaultDetection",
     "FaultSettings",
+    "FiguresOfMerit",
     "FilterState",
     "FosFit",
     "GarchFit",
@@ -413,6 +429,7 @@ __all__ = [
     "NoiseModel",
     "NoiseTuning",
     "Observability",
+    "OptimalGeometry",
     "OutageEvaluation",
     "PooledIdentification",
     "Process",
@@ -449,6 +466,7 @@ __all__ = [
     "error_models",
     "evaluate_outages",
     "fast_orthogonal_search",
+    "figures_of_merit",
     "find_jumps",
     "fit_ar",
     "fit_arma",
@@ -464,6 +482,7 @@ __all__ = [
     "navigate",
     "navigate_array",
     "observability",
+    "optimize_geometry",
     "power_spectral_density",
     "prepare",
     "read_array",
@@ -481,6 +500,7 @@ __all__ = [
     "synchronize",
     "synthesize",
     "tune_noise",
+    "undo_jumps",
     "wavelet_variance",
     "write_kalibr",
     "write_report",

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from twins import HEADING_SD, POSITION_SD, TILT_SD, VELOCITY_SD, with_noise
 
-from schuler.data import CHANNELS, GnssRecording
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import CHANNELS, GnssRecording, ImuArray, Mounting
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.mechanizations.array_model import (
     fused_model,

@@ -15,7 +15,7 @@ from array_twins import ArrayTwin, draw_array, mems, one_state
 from twins import navigation_errors
 
 from schuler.arrays.geometry import orthogonal_mounting, tetrahedron_mounting
-from schuler.data.array import Mounting
+from schuler.data import Mounting
 from schuler.navigation.aiding.parity import Parity
 from schuler.navigation.engine import FilterRun, gate_thresholds, run_engine
 from schuler.navigation.mechanizations.array_model import extended_model, fused_model

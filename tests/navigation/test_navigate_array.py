@@ -11,8 +11,7 @@ from array_twins import ANTENNA, mems
 from twins import navigation_errors
 
 from schuler.arrays.geometry import tetrahedron_mounting
-from schuler.data import GnssRecording
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import GnssRecording, ImuArray, Mounting
 from schuler.errors import InputError
 from schuler.navigation.mechanizations.navigate_array import navigate_array
 from schuler.navigation.navigate import navigate

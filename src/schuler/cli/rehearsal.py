@@ -68,7 +68,7 @@ def _mechanizations() -> None:
     import numpy as np
 
     from schuler.cli.example import EXAMPLE_RATE, example_noise
-    from schuler.data.array import ImuArray, Mounting
+    from schuler.data import ImuArray, Mounting
     from schuler.evaluation.mechanizations import compare_mechanizations
     from schuler.navigation.settings import NavigationSettings
     from schuler.simulation import car_urban, simulate_array, simulate_gnss

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from schuler.errors import InputError
 from schuler.estimation import series_methods, structure_methods
 from schuler.estimation.identification import Identification
-from schuler.estimation.joint_fit import identify as identify_allan
+from schuler.estimation.joint_fit import identify_signal
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.signals import checked_signal, outlier_flag
 from schuler.noise import Process
@@ -97,7 +97,52 @@ def identify(
     order: Order = None,
     shortest: float | None = None,
 ) -> Identification | MethodIdentification:
-    """Find the processes that a signal is made of, with standard errors, by the method named."""
+    """Find the processes that a signal is made of, with standard errors.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at rest, in rad/s or m/s² (or any unit; the result is in the same).
+    rate : float
+        Samples a second.
+    model : {"auto", "classical"} or Process
+        "auto" chooses among white noise, quantisation, up to three Gauss-Markov noises, random
+        walk and ramp; "classical" is white noise + bias instability + random walk, as datasheets
+        have it; a process (sum) fixes the structure and gives start values.
+    method : str
+        "allan" (generalised least squares on the logarithm of the Allan variance), or any other
+        of `METHODS`.
+    order : int or (int, int), optional
+        Of "ar" and its relatives, "arma", "garch", "fos"; chosen where not given.
+    shortest : float, optional
+        Time in s below which "psd" and "ml" do not look.
+
+    Returns
+    -------
+    Identification or MethodIdentification
+        Process, errors, limits, misfit, verdict on the record.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional, not finite, an impossible rate, an unknown method or model.
+    EstimationError
+        Fewer than 100 samples, or a signal that does not vary.
+    ModelError
+        A structure that the method cannot fit.
+
+    Notes
+    -----
+    Spec 2.4 (b), with the covariance of neighbouring points from the fitted process itself.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> signal = schuler.WhiteNoise(1e-3).simulate(20_000, 0.01, np.random.default_rng(1))
+    >>> found = schuler.identify(signal, 100.0)
+    >>> round(found.parameters["white_noise.density"], 5)
+    0.001
+    """
     if method not in METHODS:
         raise InputError(f"method '{method}'", expected=", ".join(METHODS))
     if order is not None and method in STRUCTURAL:
@@ -112,7 +157,7 @@ def identify(
         raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
     values = checked_signal(signal, _SHORTEST_RECORD)
     if method == "allan":
-        found = identify_allan(values, rate, model)
+        found = identify_signal(values, float(rate), model)
         outlier = outlier_flag(values - values.mean())
         return replace(found, flags=(outlier,)) if outlier else found
     if method in STRUCTURAL:

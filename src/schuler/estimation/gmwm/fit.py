@@ -12,19 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.curves.robust import biweight_tuning, median_scale, robust_variance
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
-from schuler.errors import EstimationError, InputError, ModelError
-from schuler.estimation.curve_fit import FREE, CurvePoints, fit_structure, free_parameters
+from schuler.errors import EstimationError, InputError
+from schuler.estimation.curve_fit import CurvePoints, fit_structure
 from schuler.estimation.gmwm.moments import MomentFit, fit_moments, heterogeneity
 from schuler.estimation.gmwm.result import GmwmIdentification, describe_fit
 from schuler.estimation.gmwm.scatter import pooled_points, pooled_scatter
+from schuler.estimation.parts import parts_of_model
 from schuler.estimation.selection import rough_process, select_structure
-from schuler.noise import (
-    BiasInstability,
-    GaussMarkov,
-    Process,
-    RandomWalk,
-    WhiteNoise,
-)
+from schuler.noise import GaussMarkov, Process
 
 __all__ = [
     "GmwmIdentification",
@@ -153,9 +148,9 @@ def _misfit(
 ) -> tuple[float, int]:
     """Misfit within records and its degrees of freedom: what records do not share is left out."""
     if len(curves) == 1:
-        return fit.chi_square, max(fit.degrees_of_freedom, 1)
+        return fit.cost, max(fit.degrees_of_freedom, 1)
     between, freedom = heterogeneity(fit, curves, granted)
-    return fit.chi_square - between, max(fit.degrees_of_freedom - freedom, 1)
+    return fit.cost - between, max(fit.degrees_of_freedom - freedom, 1)
 
 
 def _fits(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> bool:
@@ -205,17 +200,7 @@ def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVaria
 def _start(model: Model, curve: WaveletVarianceCurve) -> tuple[Process, ...] | None:
     if isinstance(model, str) and model == "auto":
         return None
-    if isinstance(model, str) and model == "classical":
-        shortest, longest = 2.0 / curve.rate, 10.0 * curve.duration
-        classical = WhiteNoise(1.0) + BiasInstability(1.0, shortest, longest) + RandomWalk(1.0)
-        parts: tuple[Process, ...] = classical.components
-    elif isinstance(model, Process):
-        parts = model.components
-    else:
-        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
-    if not free_parameters(parts):
-        raise ModelError("the model has no parameter that a wavelet variance shows")
-    return parts
+    return parts_of_model(model, 1.0 / curve.rate, curve.duration, "a wavelet variance")
 
 
 def _log_fit(
@@ -225,9 +210,9 @@ def _log_fit(
     scatter = pooled_scatter(rough_process(points), curves, points)
     starts = [list(parts), *_other_times(parts, points)]
     fits = [
-        fit_structure([_scaled(p, points) for p in start], points, scatter, 30) for start in starts
+        fit_structure([points.under(p) for p in start], points, scatter, 30) for start in starts
     ]
-    best = min(fits, key=lambda f: f.chi_square)
+    best = min(fits, key=lambda f: f.cost)
     return fit_structure(best.parts, points, scatter).parts
 
 
@@ -251,17 +236,6 @@ def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Pro
             moved[k] = replace(parts[k], correlation_time=float(grid[j]))  # type: ignore[type-var]
         starts.append(moved)
     return starts
-
-
-def _scaled(part: Process, points: CurvePoints) -> Process:
-    """Give a part an amplitude below the curve, whatever its start value."""
-    if not FREE[part.kind]:
-        return part
-    name = FREE[part.kind][0]
-    unit = replace(part, **{name: 1.0})  # type: ignore[type-var]
-    shape = np.maximum(unit.allan_variance(points.tau), 1e-300)
-    amplitude = math.sqrt(0.5 * float(np.min(points.variance / shape)))
-    return replace(unit, **{name: amplitude})  # type: ignore[type-var]
 
 
 def _discrepancy(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> float:

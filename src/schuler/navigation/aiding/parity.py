@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.arrays.merit import parity_matrix
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
 from schuler.navigation.aiding.schedule import AidingSchedule, linear_measurements, merge_schedules
@@ -96,13 +97,6 @@ def parity_rows(
         parity_matrix(fusion.axes, w) @ axis_rows(models, q, states) for q, w in enumerate(white)
     ]
     return rows[0], rows[1]
-
-
-def parity_matrix(axes: FloatArray, white: FloatArray) -> FloatArray:
-    """Rows blind to motion: V A = 0, orthonormal for the whitened sensors. Spec 6.4."""
-    whole, _ = np.linalg.qr(axes / white[:, None], mode="complete")
-    parity: FloatArray = whole[:, 3:].T / white
-    return parity
 
 
 def interval_ends(time: FloatArray, interval: float) -> NDArray[np.int64]:

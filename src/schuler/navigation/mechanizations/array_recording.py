@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.arrays.common_axes import require_common_axes
 from schuler.arrays.lever_arms import turning_tensor
 from schuler.data import ImuRecording
 from schuler.data.array import ImuArray
@@ -32,6 +33,7 @@ def complete_array(array: ImuArray) -> tuple[ImuArray, tuple[str, ...]]:
             expected="at least two IMUs",
             cure="navigate with this IMU alone: schuler navigate --imu FILE",
         )
+    require_common_axes(array)
     notes = []
     keep = np.ones(array.count, dtype=bool)
     values = np.concatenate([array.gyro, array.accel], axis=2)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.curves.allan import AllanCurve
 from schuler.data.imu import CHANNELS
 from schuler.estimation.characterization import ImuCharacterization
 from schuler.estimation.identification import Identification
@@ -31,17 +32,21 @@ from schuler.types import FloatArray
 from schuler.units import kind_of, scale
 
 SHOWN_UNITS = {"gyro": ("gyro bias", "deg/h"), "accel": ("accel bias", "ug")}
-PARTS: dict[str, tuple[str, str, Dash]] = {
-    "white_noise": ("white noise", "@white", "dot"),
-    "quantization": ("quantisation", "@other", "dash"),
-    "gauss_markov": ("Gauss-Markov", "@markov", "dot"),
-    "random_walk": ("random walk", "@walk", "dot"),
-    "bias_instability": ("bias instability", "@markov", "dash"),
-    "rate_ramp": ("ramp", "@other", "dot"),
-    "sinusoid": ("sinusoid", "@other", "dashdot"),
-    "turn_on_bias": ("turn-on bias", "@other", "dash"),
+STROKES: dict[str, tuple[str, Dash]] = {
+    "white_noise": ("@white", "dot"),
+    "gauss_markov": ("@markov", "dot"),
+    "random_walk": ("@walk", "dot"),
+    "bias_instability": ("@markov", "dash"),
+    "sinusoid": ("@other", "dashdot"),
+    "rate_ramp": ("@other", "dot"),
 }
-"""Name, colour and stroke of each kind of process."""
+"""Colour and stroke where they are not those of other processes."""
+
+
+def _stroke(part: Process) -> tuple[str, str, Dash]:
+    """Name, colour and stroke of a process."""
+    colour, dash = STROKES.get(part.kind, ("@other", "dash"))
+    return part.label or part.kind.replace("_", " "), colour, dash
 
 
 @register
@@ -95,15 +100,14 @@ def _enough(result: ImuCharacterization) -> str:
 
 
 def _curves(found: dict[str, Identification]) -> FigureGrid:
-    kinds = [p.kind for i in found.values() for p in i.process.components]
+    parts = {p.kind: p for i in found.values() for p in i.process.components}
     legend = [
         LegendItem("measured", "@data", "point"),
         LegendItem("its 95 % interval", "@data/0.22", "band"),
         LegendItem("model", "@model"),
     ]
-    for kind, (name, colour, dash) in PARTS.items():
-        if kind in kinds:
-            legend.append(LegendItem(name, colour, "dot" if dash == "dot" else "dash"))
+    for name, colour, dash in map(_stroke, sorted(parts.values(), key=lambda p: p.rank)):
+        legend.append(LegendItem(name, colour, "dot" if dash == "dot" else "dash"))
     legend.append(LegendItem("slope method", "@mark", "diamond"))
     figures = []
     for sensor in SHOWN_UNITS:
@@ -143,23 +147,23 @@ def _curve(
     sensor = channel.split("_")[0]
     factor, unit = _factor(sensor), pretty(SHOWN_UNITS[sensor][1])
     curve = found.curve
-    tau = np.geomspace(curve.tau[0], curve.tau[-1], 160)
+    tau = curve.tau
     traces: list[dict[str, Any]] = [
         *band(curve.tau, curve.lower / factor, curve.upper / factor, "@data/0.22", "95 %")
     ]
     measured = marks(curve.tau, curve.deviation / factor, "@data", "measured", size=4)
     traces.append(measured | {"hovertemplate": f"%{{x:.3~g}} s: %{{y:.4~g}} {unit}"})
     for part in found.process.components:
-        name, colour, dash = PARTS.get(part.kind, (part.kind, "@other", "dash"))
-        traces.append(line(tau, _level(part, tau) / factor, colour, name, width=1.4, dash=dash))
-    traces.append(line(tau, _level(found.process, tau) / factor, "@model", "model", width=1.5))
+        name, colour, dash = _stroke(part)
+        traces.append(line(tau, _level(part, curve) / factor, colour, name, width=1.4, dash=dash))
+    traces.append(line(tau, _level(found.process, curve) / factor, "@model", "model", width=1.5))
     traces.append(_slope_marks(found, factor))
     lowest = int(np.argmin(curve.deviation))
     return Figure(
         channel_title(channel),
         f"Lowest {number(float(curve.deviation[lowest]) / factor)} {unit} at "
         f"{number(float(curve.tau[lowest]))} s; the model is the sum of "
-        + ", ".join(PARTS.get(p.kind, (p.kind,))[0] for p in found.process.components)
+        + ", ".join(_stroke(p)[0] for p in found.process.components)
         + ".",
         tuple(traces),
         {
@@ -170,8 +174,8 @@ def _curve(
     )
 
 
-def _level(process: Process, tau: FloatArray) -> FloatArray:
-    return np.sqrt(process.allan_variance(tau))
+def _level(process: Process, curve: AllanCurve) -> FloatArray:
+    return np.sqrt(process.sampled_allan_variance(curve.factors, 1.0 / curve.rate))
 
 
 def _slope_marks(found: Identification, factor: float) -> dict[str, Any]:

@@ -56,8 +56,9 @@ def lasting_fault_sections(result: LastingFaults) -> tuple[Section, ...]:
     return (Section("Lasting faults in motion", tuple(blocks), (sentence,)),)
 
 
-def _motions(result: LastingFaults) -> Table:
-    rows = []
+def motion_rows(result: LastingFaults) -> list[tuple[str, ...]]:
+    """Return what could be found in each class of motion, the last cell for the page alone."""
+    rows: list[tuple[str, ...]] = []
     for motion, title in enumerate(TITLES):
         inside = result.motion == motion
         smallest = result.smallest_fault(motion)
@@ -65,13 +66,18 @@ def _motions(result: LastingFaults) -> Table:
             continue
         rows.append(
             (
-                title[0].upper() + title[1:],
+                title,
                 str(int(inside.sum())),
                 f"{number(100.0 * float(result.alarm[inside].mean()))} %",
                 format_value(smallest, "angular rate", digits=2),
                 str(int(result.normal.windows[motion])),
             )
         )
+    return rows
+
+
+def _motions(result: LastingFaults) -> Table:
+    rows = [(title[0].upper() + title[1:], *cells) for title, *cells in motion_rows(result)]
     rate = number(100.0 * result.normal.settings.false_alarm_rate)
     return Table(
         "What could be found in which motion",

@@ -19,7 +19,7 @@ FOLD_ABOVE = 12
 """Tables with more windows than this are shown on demand."""
 
 
-def _answers(evaluation: OutageEvaluation) -> list[tuple[str, str, OutageStatistics]]:
+def answers(evaluation: OutageEvaluation) -> list[tuple[str, str, OutageStatistics]]:
     """Return name, colour and statistics of the answers that exist."""
     every = [("causal", "@causal", evaluation.causal)]
     if evaluation.lagged is not None:
@@ -61,16 +61,16 @@ def outage_results_sections(results: OutageResults) -> tuple[Section, ...]:
 @register
 def outage_sections(evaluation: OutageEvaluation) -> tuple[Section, ...]:
     """Show an outage evaluation."""
-    answers = _answers(evaluation)
+    every = answers(evaluation)
     blocks = (
-        _overall(answers),
-        _honesty(answers),
-        _growth(answers),
-        _claims(answers),
-        _windows(answers),
+        _overall(every),
+        _honesty(every),
+        _growth(every),
+        _claims(every),
+        _windows(every),
         *((_bands(evaluation.causal),) if len(evaluation.causal.windows) <= FOLD_ABOVE else ()),
     )
-    return (Section("Outages", blocks, tuple(_sentence(n, s) for n, _, s in answers)),)
+    return (Section("Outages", blocks, tuple(_sentence(n, s) for n, _, s in every)),)
 
 
 def _lengths(windows: tuple[OutageWindow, ...]) -> str:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 
+from schuler.cli.console import Screen
+from schuler.execution.progress import progress
+
 
 def warm() -> None:
     """Compile all kernels now, so that the first real run does not wait for it.
 
     The result is kept on disk until schuler or Numba changes; SCHULER_CACHE_DIR chooses where.
     """
-    from schuler.cli.console import Screen
     from schuler.cli.rehearsal import REHEARSALS
-    from schuler.execution.progress import progress
     from schuler.kernels.compile import cache_directory
 
     began = time.monotonic()

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from schuler.cli.job import Job, Result, working
+from schuler.cli.loading import load_gnss, load_imu
+from schuler.cli.options.files import ModelFiles, Written
+from schuler.cli.outputs import json_text
 from schuler.errors import InputError
+from schuler.execution.progress import progress
 
 if TYPE_CHECKING:
-    from schuler.cli.console import Screen
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
     from schuler.data.trajectory import Trajectory
     from schuler.noise.noise_model import NoiseModel
-    from schuler.report.provenance import Provenance
 
 DRIVE_SECONDS = 600.0
 OUTAGES = (30.0, 60.0)
@@ -69,42 +72,94 @@ def demo(*, data: Path | None = None, out: Path = Path("schuler-demo")) -> int:
     out : Path
         Folder for the report and the other files; made when missing.
     """
-    from schuler.cli.console import Screen
-    from schuler.cli.loading import say_when_compiling
-    from schuler.cli.outputs import Outputs
-
     if out.exists() and not out.is_dir():
         raise InputError("is a file", expected="a folder for the results", where=str(out))
     material = find_recordings(data) if data is not None else simulated()
-    say_when_compiling()
     existed = out.exists()
     out.mkdir(parents=True, exist_ok=True)
     try:
-        outputs = Outputs(inputs=material.inputs)
-        screen = Screen()
-        sections: list[object] = []
-        model = None
-        if material.static is not None:
-            model = _static_part(screen, material, sections, outputs, out)
-        if material.imu is not None and material.gnss is not None:
-            _drive_part(screen, material, model, sections, outputs, out)
-        page = _page(material, sections)
-        outputs.text(out / "report.html", lambda: page)
-        written = outputs.commit()
+        job = Job(Written(report=out / "report.html"), inputs=material.inputs)
+        code = job.finish(_whole_way(job, material, out))
     finally:
         if not existed and not any(out.iterdir()):
             out.rmdir()
-    for path in sorted(written):
-        screen.line(f"wrote {path}", "dim")
-    screen.console.print()
-    screen.line(f"Open {out / 'report.html'} in a browser: it needs no network.", "bold")
-    return 0
+    job.screen.console.print()
+    job.screen.line(f"Open {out / 'report.html'} in a browser: it needs no network.", "bold")
+    return code
+
+
+def _whole_way(job: Job, material: Material, out: Path) -> Result:
+    """Do the static log and the drive, each shown when it is done, and put them together."""
+    parts: list[Result] = []
+
+    def done(part: Result) -> None:
+        part.show(job.screen)
+        parts.append(part)
+
+    model = None
+    if material.static is not None:
+        model, part = _static_part(material.static, out)
+        done(part)
+    if material.imu is not None and material.gnss is not None:
+        if model is not None and not material.same_sensor:
+            model = None
+            job.screen.line(
+                "The static log is of another sensor: the drive's noise comes from its data."
+            )
+        done(_drive(material, material.imu, material.gnss, model, out))
+        done(_outages(material.imu, material.gnss, model, out))
+    return Result(
+        title=material.title,
+        sections=tuple(s for part in parts for s in part.sections),
+        settings={"outages": {"seconds": OUTAGES[0], "every": OUTAGES[1]}},
+        seeds=material.seeds,
+        texts=tuple(t for part in parts for t in part.texts),
+        files=tuple(f for part in parts for f in part.files),
+    )
+
+
+def _static_part(static: ImuRecording, out: Path) -> tuple[NoiseModel, Result]:
+    from schuler.cli.verbs.characterize import characterization_result, screened
+    from schuler.estimation.characterization import characterize_imu
+
+    with working("Static log: screening and fitting the noise"):
+        recording, screening = screened(static, repair=True)
+        found = characterize_imu(recording)
+    files = ModelFiles(out / "noise.yaml", out / "imu.yaml")
+    result = characterization_result(found, screening, recording, files, repaired=True)
+    return found.noise_model, result
+
+
+def _drive(
+    material: Material, imu: ImuRecording, gnss: GnssRecording, noise: NoiseModel | None, out: Path
+) -> Result:
+    from schuler.cli.verbs.navigate import navigation_result
+    from schuler.navigation.preparation.prepare import prepare
+    from schuler.navigation.run import run
+    from schuler.report import NavigationResults
+
+    with working("Drive") as shown:
+        cut, setup = prepare(imu, gnss, noise, progress=shown.say)
+        done = run(cut, gnss, setup, smooth=True)
+    results = NavigationResults(done.causal, done.smoothed, gnss, material.truth)
+    return navigation_result(results, "Drive", out / "trajectory.parquet")
+
+
+def _outages(imu: ImuRecording, gnss: GnssRecording, noise: NoiseModel | None, out: Path) -> Result:
+    from schuler.cli.verbs.outages import outage_result
+    from schuler.evaluation.outages import evaluate_outages
+    from schuler.report.sections.outages import OutageResults
+
+    with working("Drive without GNSS") as shown:
+        found = evaluate_outages(imu, gnss, noise, sweep=OUTAGES, progress=shown.say)
+    result = outage_result(found, gnss, "Outages", {})
+    text = (out / "outages.json", lambda: json_text(found.to_dict()))
+    return replace(result, sections=(OutageResults(found, gnss),), texts=(text,))
 
 
 def simulated() -> Material:
     """Return the embedded example."""
     from schuler.cli.example import SEEDS, example_drive, example_static
-    from schuler.execution.progress import progress
 
     with progress("Simulating a static log and a drive"):
         static, drive = example_static(), example_drive(DRIVE_SECONDS)
@@ -120,8 +175,6 @@ def simulated() -> Material:
 
 def find_recordings(folder: Path) -> Material:
     """Find a static log and a drive in a folder or in folders within it."""
-    from schuler.cli.loading import load_gnss, load_imu
-
     if not folder.is_dir():
         raise InputError("no such folder", where=str(folder))
     static, drive = _static_file(folder), _drive_folder(folder)
@@ -168,86 +221,3 @@ def _drive_folder(folder: Path) -> Path | None:
     inner = sorted(p for p in folder.iterdir() if p.is_dir())
     inner.sort(key=lambda p: "drive" not in p.name)
     return next((p for p in (folder, *inner) if len(_drive_files(p)) == 2), None)
-
-
-def _static_part(
-    screen: Screen, material: Material, sections: list[object], outputs: Any, out: Path
-) -> NoiseModel:
-    from schuler.cli.characterize import show_characterization
-    from schuler.estimation.characterization import characterize_imu
-    from schuler.execution.progress import progress
-    from schuler.io.kalibr import kalibr_yaml
-    from schuler.screening.screen import repair
-    from schuler.screening.screen import screen as look
-
-    assert material.static is not None
-    with progress("Static log: screening and fitting the noise"):
-        screening = look(material.static)
-        screening.require_usable()
-        recording = repair(material.static, screening, close_up=True)
-        result = characterize_imu(recording)
-    show_characterization(screen, result, screening, repaired=True)
-    sections += [result, screening, recording]
-    model = result.noise_model
-    kalibr = kalibr_yaml(model, rate=recording.rate, topic="/imu0")
-    outputs.text(out / "noise.yaml", model.to_yaml)
-    outputs.text(out / "imu.yaml", lambda: kalibr)
-    return model
-
-
-def _drive_part(
-    screen: Screen,
-    material: Material,
-    model: NoiseModel | None,
-    sections: list[object],
-    outputs: Any,
-    out: Path,
-) -> None:
-    from schuler.cli.navigate import show_navigation
-    from schuler.cli.outages import show_outages
-    from schuler.cli.outputs import json_text
-    from schuler.evaluation.outages import evaluate_outages
-    from schuler.execution.progress import progress
-    from schuler.io.trajectory import write_trajectory
-    from schuler.navigation.preparation.prepare import prepare
-    from schuler.navigation.run import run
-    from schuler.report import NavigationResults
-    from schuler.report.sections.outages import OutageResults
-
-    assert material.imu is not None
-    assert material.gnss is not None
-    noise = model if material.same_sensor else None
-    if model is not None and noise is None:
-        screen.line("The static log is of another sensor: the drive's noise comes from its data.")
-    with progress("Drive") as shown:
-        cut, setup = prepare(material.imu, material.gnss, noise, progress=shown.say)
-        done = run(cut, material.gnss, setup, smooth=True)
-    causal, smoothed = done.causal, done.smoothed
-    assert smoothed is not None
-    with progress("Drive without GNSS") as shown:
-        evaluation = evaluate_outages(
-            material.imu, material.gnss, noise, sweep=OUTAGES, progress=shown.say
-        )
-    show_navigation(screen, causal, smoothed)
-    show_outages(screen, evaluation)
-    sections += [NavigationResults(causal, smoothed, material.gnss, material.truth)]
-    sections.append(OutageResults(evaluation, material.gnss))
-    path = out / "trajectory.parquet"
-    outputs.file(path, lambda temporary: write_trajectory(temporary, smoothed, ".parquet"))
-    outputs.text(out / "outages.json", lambda: json_text(evaluation.to_dict()))
-
-
-def _page(material: Material, sections: list[object]) -> str:
-    from schuler.report import render_report
-
-    return render_report(*sections, title=material.title, provenance=_provenance(material))
-
-
-def _provenance(material: Material) -> Provenance:
-    from schuler.cli.provenance import command_provenance
-
-    return command_provenance(
-        inputs=material.inputs,
-        seeds=material.seeds,
-        settings={"outages": {"seconds": OUTAGES[0], "every": OUTAGES[1]}},
-    )

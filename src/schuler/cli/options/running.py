@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.parsing import parse_numbers
+
 if TYPE_CHECKING:
     from schuler.navigation.aiding.options import MeasurementOptions
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class RunOptions:
     """What is known about the run.
@@ -53,9 +56,13 @@ class RunOptions:
     adaptive: bool = False
     gnss_correlated: str | None = None
 
+    @property
+    def weighs(self) -> bool:
+        """Whether anything is said of how GNSS is weighted."""
+        return (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None)
+
     def keywords(self) -> dict[str, Any]:
-        """Return them as `schuler.navigation.prepare` and `evaluate_outages` want them."""
-        from schuler.cli.loading import parse_numbers
+        """Return them as `NavigationSettings` and `evaluate_outages` want them."""
         from schuler.navigation.aiding.vehicle import check_constraints
 
         known: dict[str, Any] = {
@@ -66,7 +73,7 @@ class RunOptions:
             "tune_noise": self.tune_noise,
             "aiding": check_constraints(self.aid),
         }
-        if (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None):
+        if self.weighs:
             known["measurements"] = self._measurements()
         if self.mounting is not None:
             from schuler.rotations import dcm_from_euler
@@ -82,7 +89,6 @@ class RunOptions:
         return known
 
     def _measurements(self) -> MeasurementOptions:
-        from schuler.cli.loading import parse_numbers
         from schuler.navigation.aiding.gnss import CorrelatedGnss
         from schuler.navigation.aiding.options import MeasurementOptions
         from schuler.navigation.aiding.weighting import GnssWeighting

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
+from schuler.cli.job import Job, Result
+from schuler.cli.options.files import Written
 from schuler.errors import InputError
-
-if TYPE_CHECKING:
-    from schuler.cli.outputs import Outputs
 
 Target = Literal["kalibr", "yaml", "si", "csv", "parquet"]
 
@@ -38,25 +38,18 @@ def export(
     topic : str
         Name of the ROS topic for Kalibr.
     """
-    from schuler.cli.console import Screen
-    from schuler.cli.outputs import Outputs
-
-    outputs = Outputs(target, inputs=(source,))
-    if source.suffix.lower() in {".yaml", ".yml"}:
+    job = Job(Written(), target, inputs=(source,))
+    ending = source.suffix.lower()
+    if ending in {".yaml", ".yml"}:
         text = _noise_model(source, to or "yaml", rate, topic)
-        outputs.text(target, lambda: text)
-    elif source.suffix.lower() == ".parquet":
-        _trajectory(outputs, source, target, to)
-    else:
-        raise InputError(
-            f"ending '{source.suffix}' is not known",
-            expected="a noise model (.yaml) or a trajectory (.parquet)",
-            where=str(source),
-        )
-    screen = Screen()
-    for path in outputs.commit():
-        screen.line(f"wrote {path}", "dim")
-    return 0
+        return job.finish(Result(texts=((target, lambda: text),)))
+    if ending == ".parquet":
+        return job.finish(Result(files=((target, _trajectory(source, target, to)),)))
+    raise InputError(
+        f"ending '{source.suffix}' is not known",
+        expected="a noise model (.yaml) or a trajectory (.parquet)",
+        where=str(source),
+    )
 
 
 def _noise_model(source: Path, to: Target, rate: float | None, topic: str) -> str:
@@ -79,7 +72,7 @@ def _noise_model(source: Path, to: Target, rate: float | None, topic: str) -> st
     return kalibr_yaml(model, rate=rate, topic=topic)
 
 
-def _trajectory(outputs: Outputs, source: Path, target: Path, to: Target | None) -> None:
+def _trajectory(source: Path, target: Path, to: Target | None) -> Callable[[Path], None]:
     from schuler.io.trajectory import check_trajectory_name, read_columns, write_columns
 
     if to not in (None, "csv", "parquet"):
@@ -88,4 +81,4 @@ def _trajectory(outputs: Outputs, source: Path, target: Path, to: Target | None)
     if not to:
         check_trajectory_name(target)
     columns = read_columns(source)
-    outputs.file(target, lambda path: write_columns(path, columns, form))
+    return lambda path: write_columns(path, columns, form)

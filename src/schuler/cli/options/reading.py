@@ -25,6 +25,7 @@ def columns_of(pairs: tuple[str, ...], names: str | None) -> dict[str, Any] | li
     return mapping or None
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class ImuReading:
     """How to read an IMU file.
@@ -89,6 +90,7 @@ class ImuReading:
         )
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class DriveReading:
     """How to read the two files of a drive.

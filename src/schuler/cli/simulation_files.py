@@ -6,14 +6,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from schuler.cli.parsing import title_of
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.cli.simulate import ReceiverOptions, SensorOptions
+    from collections.abc import Callable
+
     from schuler.simulation.faults import Fault
     from schuler.simulation.gnss_faults import FixFault
     from schuler.simulation.motions.profile import Profile
     from schuler.simulation.scenario import Scenario, SimulatedDrive
+
+    Texts = tuple[tuple[Path, Callable[[], str]], ...]
+    Files = tuple[tuple[Path, Callable[[Path], None]], ...]
 
 FAULTS = (
     "gap:START:SECONDS, hold:START:SECONDS, jump:START:STEP[:SECONDS], "
@@ -91,7 +96,7 @@ def profile_of(
             "--duration with --waypoints or --track", expected="the duration that the file has"
         )
     if track is not None:
-        from schuler.cli.loading import load_gnss, title_of
+        from schuler.cli.loading import load_gnss
 
         return from_track(load_gnss(track, {})), f"track of {title_of(track)}"
     assert waypoints is not None
@@ -156,56 +161,32 @@ def make_folder(out: Path) -> None:
     out.mkdir(exist_ok=True)
 
 
-def description(
-    scenario: Scenario,
-    drive: SimulatedDrive,
-    seed: int,
-    sensor: SensorOptions,
-    gnss: ReceiverOptions,
-    fault: tuple[str, ...],
-) -> dict[str, Any]:
-    """Return what was simulated as plain values: the options given, and what was drawn."""
-    from dataclasses import asdict
-
-    from schuler.cli.outputs import plain_values
-
-    noise = scenario.noise_model
-    return {
-        "motion": scenario.motion,
-        "seed": seed,
-        "imu": plain_values(asdict(sensor)),
-        "gnss": plain_values(asdict(gnss)),
-        "faults_asked_for": list(fault),
-        "noise_model": None if noise is None else noise.source,
-        "outcome": plain_values(drive.log),
-        "samples": [imu.size for imu in drive.imus],
-        "fixes": drive.gnss.size,
-        "files": "imu*: what the IMU recorded; gnss: what the receiver recorded; truth: position, "
-        "velocity and attitude of the IMU at the true times of its samples (of the centre of an "
-        "array); noise.yaml: the noise model that was drawn from",
-    }
-
-
-def write_drive(
+def drive_files(
     out: Path, drive: SimulatedDrive, scenario: Scenario, told: dict[str, Any], form: str
-) -> tuple[Path, ...]:
-    """Write recordings, truth, noise model and description into a folder, all or none."""
+) -> tuple[Texts, Files]:
+    """Return texts and tables of a folder: recordings, truth, noise model and description."""
     import yaml
 
-    from schuler.cli.outputs import Outputs
+    from schuler.data.mounting import MOUNTING_FILE, Mounting, mounting_yaml
     from schuler.io.trajectory import truth_columns, write_columns
 
     several = len(drive.imus) > 1
-    names = [f"imu{k + 1}.{form}" if several else f"imu.{form}" for k in range(len(drive.imus))]
-    paths = [out / n for n in (*names, f"gnss.{form}", f"truth.{form}", "simulation.yaml")]
-    outputs = Outputs(*paths)
-    tables = [imu.to_columns() for imu in drive.imus]
-    tables += [drive.gnss.to_columns(), truth_columns(drive.truth)]
-    for path, columns in zip(paths[:-1], tables, strict=True):
-        outputs.file(path, partial(write_columns, columns=columns, form=f".{form}"))
-    outputs.text(
-        out / "simulation.yaml", lambda: yaml.safe_dump(told, sort_keys=False, allow_unicode=True)
+    tables = {f"imu{k + 1 if several else ''}": i.to_columns() for k, i in enumerate(drive.imus)}
+    tables |= {"gnss": drive.gnss.to_columns(), "truth": truth_columns(drive.truth)}
+    files = tuple(
+        (out / f"{name}.{form}", partial(write_columns, columns=columns, form=f".{form}"))
+        for name, columns in tables.items()
+    )
+    texts: Texts = (
+        (
+            out / "simulation.yaml",
+            lambda: yaml.safe_dump(told, sort_keys=False, allow_unicode=True),
+        ),
     )
     if scenario.noise_model is not None:
-        outputs.text(out / "noise.yaml", scenario.noise_model.to_yaml)
-    return outputs.commit()
+        texts = (*texts, (out / "noise.yaml", scenario.noise_model.to_yaml))
+    if scenario.array_rotations is not None and scenario.array_positions is not None:
+        mounting = Mounting(scenario.array_rotations, scenario.array_positions)
+        stems = [name for name in tables if name.startswith("imu")]
+        texts = (*texts, (out / MOUNTING_FILE, lambda: mounting_yaml(mounting, stems)))
+    return texts, files

@@ -7,6 +7,9 @@ from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cyclopts import Parameter
+
+from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
 MICROTESLA = 1e-6
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class SensorOptions:
     """Heading, barometer and magnetometer, stamped by the clock of the IMU.
@@ -119,7 +123,6 @@ class SensorOptions:
         return known | {"measurements": replace(told, sources=self._sources(time, repair))}
 
     def _sources(self, time: FloatArray, repair: bool) -> tuple[PlacedAiding, ...]:
-        from schuler.cli.loading import parse_numbers
         from schuler.io.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
         from schuler.navigation.aiding.barometer import (
             Barometer,
