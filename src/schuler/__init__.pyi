@@ -237,16 +237,25 @@ from .io.read import (
 from .io.read import (
     read_imu as read_imu,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.barometer import (
     Barometer as Barometer,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.general import (
+    AidedState as AidedState,
+)
+from .navigation.aiding.general import (
+    AidingState as AidingState,
+)
+from .navigation.aiding.general import (
+    MeasurementSource as MeasurementSource,
+)
+from .navigation.aiding.gnss import (
     CorrelatedGnss as CorrelatedGnss,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.heading import (
     Heading as Heading,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.magnetometer import (
     Magnetometer as Magnetometer,
 )
 from .navigation.aiding.options import (
@@ -275,6 +284,9 @@ from .navigation.observability import (
 )
 from .navigation.observability import (
     observability as observability,
+)
+from .navigation.preparation.prepare import (
+    prepare as prepare,
 )
 from .navigation.streaming import (
     FilterState as FilterState,
@@ -368,6 +380,8 @@ __version__: str
 
 __all__ = [
     "ARMA",
+    "AidedState",
+    "AidingState",
     "AllanCurve",
     "ArFit",
     "ArmaFit",
@@ -405,6 +419,7 @@ __all__ = [
     "LastingFaults",
     "Magnetometer",
     "MeasurementOptions",
+    "MeasurementSource",
     "MethodComparison",
     "MethodIdentification",
     "Mounting",
@@ -469,6 +484,7 @@ __all__ = [
     "observability",
     "optimize_geometry",
     "power_spectral_density",
+    "prepare",
     "read_array",
     "read_gnss",
     "read_imu",

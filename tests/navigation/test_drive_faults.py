@@ -390,9 +390,9 @@ def test_reversed_axes_of_a_real_drive_are_named(data_folder: Path) -> None:
 
 def test_every_measurement_has_its_row_though_a_break_lets_some_go() -> None:
     from schuler.navigation.engine import gate_thresholds
+    from schuler.navigation.innovation_likelihood import slower_imu
     from schuler.navigation.preparation.prepare import prepare
-    from schuler.navigation.segments import run_in_pieces
-    from schuler.navigation.tuning.likelihood import slower_imu
+    from schuler.navigation.segments import run_in_segments
 
     imu, gnss = a_drive(3)
     broken = faulty(imu, DropOut(start=120.02, duration=40.0))
@@ -401,7 +401,7 @@ def test_every_measurement_has_its_row_though_a_break_lets_some_go() -> None:
     cut, setup = prepare(broken, gnss, NOISE, lever_arm=LEVER, time_offset=-0.015)
     slow = slower_imu(cut)
     schedule = setup.schedule(slow, gnss)
-    done = run_in_pieces(
+    done = run_in_segments(
         slow,
         setup.initial_state(slow, gnss),
         setup.restarts(gnss),

@@ -12,6 +12,7 @@ from array_twins import draw_array, mems, one_state
 
 from schuler.arrays.geometry import tetrahedron_mounting
 from schuler.errors import InputError
+from schuler.navigation.aiding.parity import parity_rows
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import (
@@ -19,7 +20,6 @@ from schuler.navigation.mechanizations.array_model import (
     fusion_of,
     without_idle_states,
 )
-from schuler.navigation.mechanizations.parity import parity_rows
 from schuler.navigation.observability import (
     Observability,
     Segment,

@@ -7,7 +7,7 @@ offsets, noise and filter of a run never see the windows on which the run is jud
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -21,8 +21,11 @@ from schuler.evaluation.floor import white_noise_floor
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.navigate import withhold
 from schuler.navigation.preparation.fixes import screen_fixes
-from schuler.navigation.preparation.prepare import prepare
-from schuler.navigation.run import FALSE_ALARM, NavigationRun, run
+from schuler.navigation.preparation.prepare import prepare_drive
+from schuler.navigation.preparation.setup import RunSetup
+from schuler.navigation.run import run
+from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
+from schuler.navigation.threads import in_threads
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -346,6 +349,24 @@ def judge_window(
     )
 
 
+def judge_run(
+    solution: NavigationSolution, gnss: GnssRecording, setup: RunSetup, windows: Iterable[Window]
+) -> tuple[OutageWindow, ...]:
+    """Judge a solution in several windows, with receiver and IMU as its run has found them."""
+    return tuple(
+        judge_window(
+            solution,
+            gnss,
+            window,
+            lever_arm=setup.lever_arm,
+            time_offset=setup.offsets.position,
+            sd_factor=setup.factors.position_sd,
+            white_density=setup.model.white_density,
+        )
+        for window in windows
+    )
+
+
 def evaluate_outages(
     imu: ImuRecording,
     gnss: GnssRecording,
@@ -393,73 +414,75 @@ def evaluate_outages(
     InputError
         No windows, windows outside the run, or inputs that cannot be used.
     """
-    if sweep is not None:
-        windows = sweep_windows(sweep[0], sweep[1], gnss.duration)
-    if not windows:
-        raise InputError("no outage was asked for", cure="give windows or a sweep")
-    check_windows(windows, gnss)
-    groups = deal_windows(windows)
-    arm = np.asarray(lever_arm, dtype=np.float64)
-    causal: list[OutageWindow] = []
-    smoothed: list[OutageWindow] = []
-    lagged: list[OutageWindow] = []
-    settings: list[dict[str, Any]] = []
-    solutions: list[tuple[NavigationSolution, NavigationSolution]] = []
-    for number, group in enumerate(groups):
+    settings = NavigationSettings(
+        lever_arm=lever_arm,
+        heading=heading,
+        mounting=mounting,
+        time_offset=time_offset,
+        tune_noise=tune_noise,
+        aiding=aiding,
+        false_alarm=false_alarm,
+        measurements=measurements,
+    )
+    groups = deal_windows(asked_windows(windows, sweep, gnss))
+
+    def one(number: int) -> _JudgedRun:
         label = f"run {number + 1} of {len(groups)}: " if len(groups) > 1 else ""
         say = None if progress is None else _prefixed(progress, label)
-        used = withhold(gnss, group)
-        cut, setup = prepare(
-            imu,
-            used,
-            noise_model,
-            lever_arm=arm,
-            heading=heading,
-            mounting=mounting,
-            time_offset=time_offset,
-            tune_noise=tune_noise,
-            aiding=aiding,
-            measurements=measurements,
-            progress=say,
-        )
-        if say is not None:
-            say("filtering and smoothing")
-        done: NavigationRun = run(cut, used, setup, smooth=True, lag=lag, false_alarm=false_alarm)
-        assert done.smoothed is not None
-        answers = (
-            (done.causal, causal),
-            (done.smoothed, smoothed),
-            (done.lagged, lagged),
-        )
-        for solution, results in answers:
-            if solution is None:
-                continue
-            results += [
-                judge_window(
-                    solution,
-                    gnss,
-                    window,
-                    lever_arm=arm,
-                    time_offset=setup.offsets.position,
-                    sd_factor=setup.factors.position_sd,
-                    white_density=setup.model.white_density,
-                )
-                for window in group
-            ]
-        settings.append(done.causal.settings | {"outages": [list(w) for w in group]})
-        solutions.append((done.causal, done.smoothed))
+        return _judged_run(imu, gnss, noise_model, settings, groups[number], lag, say)
+
+    runs = in_threads(one, range(len(groups)))
     return OutageEvaluation(
-        causal=_in_order(causal),
-        smoothed=_in_order(smoothed),
+        causal=in_order(w for r in runs for w in r.causal),
+        smoothed=in_order(w for r in runs for w in r.smoothed),
         sweep=sweep is not None,
-        runs=tuple(settings),
-        solutions=tuple(solutions),
-        lagged=_in_order(lagged) if lagged else None,
+        runs=tuple(r.settings for r in runs),
+        solutions=tuple(r.solutions for r in runs),
+        lagged=None if lag is None else in_order(w for r in runs for w in r.lagged),
         lag=lag,
     )
 
 
-def _in_order(windows: list[OutageWindow]) -> OutageStatistics:
+@dataclass(frozen=True, slots=True, eq=False)
+class _JudgedRun:
+    """One run with some windows withheld: what came of it, and its solutions."""
+
+    causal: tuple[OutageWindow, ...]
+    smoothed: tuple[OutageWindow, ...]
+    lagged: tuple[OutageWindow, ...]
+    settings: dict[str, Any]
+    solutions: tuple[NavigationSolution, NavigationSolution]
+
+
+def _judged_run(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    noise_model: NoiseModel | None,
+    settings: NavigationSettings,
+    group: tuple[Window, ...],
+    lag: float | None,
+    say: Progress | None,
+) -> _JudgedRun:
+    """Prepare, filter and smooth without the fixes of some windows, and judge each of them."""
+    used = withhold(gnss, group)
+    prepared = prepare_drive(imu, used, noise_model, settings, say)
+    if say is not None:
+        say("filtering and smoothing")
+    done = run(prepared.imu, used, prepared.setup, smooth=True, lag=lag)
+    assert done.smoothed is not None
+    setup = prepared.setup
+    told = done.causal.settings | {"outages": [list(w) for w in group]}
+    return _JudgedRun(
+        judge_run(done.causal, gnss, setup, group),
+        judge_run(done.smoothed, gnss, setup, group),
+        () if done.lagged is None else judge_run(done.lagged, gnss, setup, group),
+        told,
+        (done.causal, done.smoothed),
+    )
+
+
+def in_order(windows: Iterable[OutageWindow]) -> OutageStatistics:
+    """Statistics of windows, in order of time."""
     return OutageStatistics(tuple(sorted(windows, key=lambda w: (w.start_s, w.duration_s))))
 
 
@@ -467,11 +490,18 @@ def _prefixed(progress: Callable[[str], None], label: str) -> Callable[[str], No
     return lambda text: progress(label + text)
 
 
-def check_windows(windows: Sequence[Window], gnss: GnssRecording) -> None:
-    """Refuse windows that reach outside a recording."""
+def asked_windows(
+    windows: Sequence[Window], sweep: Window | None, gnss: GnssRecording
+) -> Sequence[Window]:
+    """Return the windows that were given, or those of a sweep, all inside a recording."""
+    if sweep is not None:
+        windows = sweep_windows(sweep[0], sweep[1], gnss.duration)
+    if not windows:
+        raise InputError("no outage was asked for", cure="give windows or a sweep")
     for start, seconds in windows:
         if start < 0.0 or seconds <= 0.0 or start + seconds > gnss.duration:
             raise InputError(
                 f"outage {start:g}:{seconds:g} reaches outside the run",
                 expected=f"START:SECONDS inside 0 .. {gnss.duration:.0f} s after the first fix",
             )
+    return windows

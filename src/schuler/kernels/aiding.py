@@ -1,6 +1,7 @@
 """One door to all kinds of aiding measurements: what is compared, and how it depends on the state.
 
-Kinds 0, 1 and 5 are in kernels/update.py, what a vehicle tells (2 to 4) in kernels/vehicle.py.
+Kinds 0 and 1 are in kernels/update.py, what a vehicle tells (2 to 4) in kernels/vehicle.py, those
+whose rows carry their derivatives (5 and 9) in kernels/general_aiding.py.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from numpy.typing import NDArray
 from schuler.kernels.attitude_aiding import heading_model, magnetic_model
 from schuler.kernels.compile import kernel
 from schuler.kernels.filter_data import Filter
+from schuler.kernels.general_aiding import general_model
 from schuler.kernels.transition import correct_sample
 from schuler.kernels.update import (
     add_offset_states,
     add_rate_noise,
-    linear_model,
     measurement_model,
 )
 from schuler.kernels.vehicle import (
@@ -141,9 +142,8 @@ def aiding_model(f: Filter, u: int, kind: int, k: int, step: float) -> None:
         zero_velocity_model(state, z)
     elif kind == 4:
         standing_model(f, k)
-    elif kind == 5:
-        matrix = f.schedule.matrices[max(f.schedule.rows[u]["matrix"], 0)]
-        linear_model(z.value, matrix, state.sensor, z.residual, z.design)
+    elif kind == 5 or kind == 9:
+        general_model(f, max(f.schedule.rows[u]["matrix"], 0))
     elif kind == 6:
         heading_model(z.value, z.lever, state.rotation, z.residual, z.design)
     elif kind == 7:

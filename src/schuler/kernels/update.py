@@ -5,8 +5,6 @@ A measurement has up to three independent components. Its kinds are numbered:
     0  position of the antenna (latitude, longitude, height), residual in NED metres
     1  velocity of the antenna in NED
 
-    5  any linear function of the sensor states (parity, constraints between sensors)
-
 What a vehicle tells (kinds 2 to 4) is in kernels/vehicle.py. To the components of any kind states
 may be added that show in the measurement only: slowly varying errors of GNSS, a barometer's bias.
 
@@ -102,23 +100,6 @@ def measurement_model(
             z = d0 * l1 - d1 * l0
             for i in range(3):
                 design[i, 9 + j] = rotation[i, 0] * x + rotation[i, 1] * y + rotation[i, 2] * z
-
-
-@kernel()
-def linear_model(
-    value: Array, matrix: Array, sensor_state: Array, residual: Array, design: Array
-) -> None:
-    """Write residual (3,) and H (3, n) of a measurement z = G x + noise of the sensor states.
-
-    `matrix` (3, m) is G. As sensor states are true minus estimated, H = -G. Spec 7.5, 7.6.
-    """
-    clear(design)
-    for i in range(3):
-        total = -value[i]
-        for j in range(sensor_state.size):
-            total += matrix[i, j] * sensor_state[j]
-            design[i, 9 + j] = -matrix[i, j]
-        residual[i] = total
 
 
 @kernel()

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from schuler.data import ImuRecording
 from schuler.errors import NavigationError
 from schuler.kernels.filter_data import AidingOutputs, Filter, NodeOutputs, SampleOutputs
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.kernels.filter_data import FilterState as KernelState
+from schuler.navigation.aiding.schedule import GENERAL, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.outputs import measurement_bytes, node_bytes
 from schuler.navigation.stepping import (
@@ -309,8 +310,11 @@ def run_engine(
         memory = state.memory.nbytes + state.counters.nbytes
         starts = _parts(imu.time, schedule.time, node_interval, needed, memory, smoother_memory)
     kept: list[tuple[int, FloatArray, NDArray[np.int64]]] = []
-    for first, stop in pairwise(starts):
-        if keep_nodes and not whole:
+    asked = asked_at(imu.time, schedule)
+    for first, stop in pairwise(sorted({*starts, *asked})):
+        for row in asked.get(first, ()):
+            fill_row(schedule, row, filter_)
+        if keep_nodes and not whole and first in starts:
             kept.append((stepper.nodes_made, state.memory.copy(), state.counters.copy()))
         bad = stepper.advance(filter_, first, stop, u, stop == n)
         if bad >= 0:
@@ -332,6 +336,34 @@ def run_engine(
         final=InitialState(position, velocity, rotation, sensor_state, covariance),
         checkpoints=checkpoints,
     )
+
+
+def asked_at(time: FloatArray, schedule: AidingSchedule) -> dict[int, list[int]]:
+    """Measurements of a user's own by the sample before which their models are asked."""
+    rows = np.flatnonzero(schedule.kind == GENERAL)
+    samples = np.searchsorted(time, schedule.time[rows], side="left")
+    found: dict[int, list[int]] = {}
+    for u, sample in zip(rows.tolist(), samples.tolist(), strict=True):
+        # the first step takes two samples
+        found.setdefault(sample if sample > 1 else 0, []).append(u)
+    return found
+
+
+def ask_model(schedule: AidingSchedule, u: int, state: KernelState) -> None:
+    """Ask the model of a measurement where the filter is, and write its answer into row u."""
+    row = schedule.general[int(schedule.matrix[u])]
+    if row is not None:
+        where = (state.position, state.velocity, state.rotation, state.sensor)
+        row.fill(schedule, u, float(state.time[0]), where)
+
+
+def fill_row(schedule: AidingSchedule, u: int, filter_: Filter) -> None:
+    """Ask the model of a measurement, and tell a filter that takes the same schedule."""
+    ask_model(schedule, u, filter_.state)
+    told, place = filter_.schedule.rows, int(schedule.matrix[u])
+    told["value"][u], told["variance"][u] = schedule.value[u], schedule.variance[u]
+    told["lever"][u] = schedule.lever_arm[u]
+    filter_.schedule.matrices[place] = schedule.matrices[place]
 
 
 def diverged(imu: ImuRecording, sample: int) -> NavigationError:

@@ -24,7 +24,7 @@ from schuler.kernels.filter_data import (
     Schedule,
     Work,
 )
-from schuler.navigation.aiding.gnss import LINEAR, AidingSchedule
+from schuler.navigation.aiding.schedule import GENERAL, LINEAR, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.types import FloatArray
 
@@ -228,7 +228,7 @@ def kernel_schedule(schedule: AidingSchedule, states: int) -> Schedule:
     Raises NavigationError where a measurement refers to states or matrices that do not exist.
     """
     check_references(schedule, states)
-    matrices = schedule.matrices if schedule.matrices.size else np.zeros((1, 3, states))
+    matrices = schedule.matrices if schedule.matrices.size else np.zeros((1, 3, 12 + states))
     return Schedule(rows=schedule.table(), matrices=np.ascontiguousarray(matrices))
 
 
@@ -249,12 +249,12 @@ def check_references(schedule: AidingSchedule, states: int) -> None:
     """
     from schuler.errors import NavigationError
 
-    linear = schedule.kind == LINEAR
+    linear = (schedule.kind == LINEAR) | (schedule.kind == GENERAL)
     if np.any(linear):
         count, _, width = schedule.matrices.shape
-        if width != states:
+        if width != 12 + states:
             raise NavigationError(
-                f"linear measurements of {width} sensor states, the model has {states}",
+                f"linear measurements of {width - 12} sensor states, the model has {states}",
                 expected="a column for every sensor state",
             )
         if np.any((schedule.matrix[linear] < 0) | (schedule.matrix[linear] >= count)):

@@ -26,9 +26,9 @@ from schuler.kernels.filter_data import (
     Schedule,
 )
 from schuler.kernels.filter_data import FilterState as KernelState
-from schuler.navigation.aiding.gnss import POSITION, VELOCITY, AidingSchedule
+from schuler.navigation.aiding.schedule import GENERAL, POSITION, VELOCITY, AidingSchedule
 from schuler.navigation.causal import ConstraintStream, GapNoise, VibrationStream
-from schuler.navigation.engine import NodeStretch, gate_thresholds
+from schuler.navigation.engine import NodeStretch, ask_model, gate_thresholds
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.lagged import lag_horizons, smooth_nodes_with_lag
 from schuler.navigation.preparation.setup import RunSetup
@@ -259,7 +259,8 @@ class NavigationFilter:
         places = int(held * rate * 1.5) + 4 * SNAPSHOT_EVERY
         self._samples = _Samples(places, keep_outputs=lag is not None)
         self._rows = _Rows.blank(MEASUREMENTS_KEPT)
-        self._matrices = np.zeros((1, 3, self._states))
+        self._matrices = np.zeros((MEASUREMENTS_KEPT, 3, 12 + self._states))
+        self._matrices_taken = 0
         self._known = 0
         size, width = self._stepper.size, self._stepper.width
         nodes = int(held * rate * 1.5) + 64 if lag is not None else 0
@@ -332,7 +333,7 @@ class NavigationFilter:
             The setup has measurements that a stream does not make by itself.
         """
         more = setup.measurements
-        other = setup.sources or more.sources or more.correlated is not None
+        other = setup.sources or more.correlated is not None
         if other or (setup.vehicle is not None and "wheel" in setup.vehicle.constraints):
             raise InputError(
                 "a setup with speed from wheel vibration or measurements of other sources",
@@ -503,7 +504,7 @@ class NavigationFilter:
         return self._insert(row.bytes[0], time, rank)
 
     def add(self, measurements: AidingSchedule) -> bool:
-        """Take any measurements: constraints of a vehicle, linear functions of sensor states.
+        """Take any measurements: constraints of a vehicle, other sensors, models of one's own.
 
         Parameters
         ----------
@@ -521,18 +522,19 @@ class NavigationFilter:
             They refer to states that do not exist.
         """
         check_references(measurements, self._states)
-        shift = 0
-        if measurements.matrices.size:
-            shift = len(self._matrices)
-            self._matrices = np.concatenate([self._matrices, measurements.matrices])
-            self._filter = self._built()
         taken = True
-        table = measurements.table()
-        table["rank"] = OTHER_RANK
-        table["matrix"][table["matrix"] >= 0] += shift
-        rows = _Rows(table)
         for k in range(measurements.size):
-            taken &= self._insert(rows.bytes[k], float(table["time"][k]), OTHER_RANK)
+            when, matrix = float(measurements.time[k]), int(measurements.matrix[k])
+            if measurements.kind[k] == GENERAL and (when > self._last or self._go_back(when)):
+                ask_model(measurements, k, self._stepper.state)
+            row = _Rows(measurements.select(slice(k, k + 1)).table())
+            row.table["rank"] = OTHER_RANK
+            if matrix >= 0:
+                place = self._matrices_taken % len(self._matrices)
+                self._matrices[place] = measurements.matrices[matrix]
+                self._matrices_taken += 1
+                row.table["matrix"] = place
+            taken &= self._insert(row.bytes[0], when, OTHER_RANK)
         self._catch_up()
         return taken
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from schuler.cli.parsing import parse_numbers
-from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.navigation.aiding.options import MeasurementOptions
@@ -57,8 +56,13 @@ class RunOptions:
     adaptive: bool = False
     gnss_correlated: str | None = None
 
-    def keywords(self, *, array: bool = False) -> dict[str, Any]:
-        """Return them as `prepare`, `prepare_array` and `evaluate_outages` want them."""
+    @property
+    def weighs(self) -> bool:
+        """Whether anything is said of how GNSS is weighted."""
+        return (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None)
+
+    def keywords(self) -> dict[str, Any]:
+        """Return them as `NavigationSettings` and `evaluate_outages` want them."""
         from schuler.navigation.aiding.vehicle import check_constraints
 
         known: dict[str, Any] = {
@@ -69,12 +73,7 @@ class RunOptions:
             "tune_noise": self.tune_noise,
             "aiding": check_constraints(self.aid),
         }
-        if (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None):
-            if array:
-                raise InputError(
-                    "--update, --adaptive or --gnss-correlated with --array",
-                    expected="the gate and the receiver's own deviations",
-                )
+        if self.weighs:
             known["measurements"] = self._measurements()
         if self.mounting is not None:
             from schuler.rotations import dcm_from_euler
@@ -90,7 +89,7 @@ class RunOptions:
         return known
 
     def _measurements(self) -> MeasurementOptions:
-        from schuler.navigation.aiding.attitude_sources import CorrelatedGnss
+        from schuler.navigation.aiding.gnss import CorrelatedGnss
         from schuler.navigation.aiding.options import MeasurementOptions
         from schuler.navigation.aiding.weighting import GnssWeighting
 

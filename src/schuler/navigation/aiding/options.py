@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schuler.navigation.aiding.attitude_sources import CorrelatedGnss, StatefulAiding
+from schuler.navigation.aiding.general import MeasurementSource, placed_source
+from schuler.navigation.aiding.gnss import CorrelatedGnss
+from schuler.navigation.aiding.schedule import PlacedAiding
 from schuler.navigation.aiding.weighting import CLAIMED, GnssWeighting
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 
@@ -21,13 +23,19 @@ class MeasurementOptions:
         Slow errors of GNSS positions as states; None: what a receiver says is white noise. The
         default is none, as a receiver's deviations do not tell how long its errors last, and the
         innovations of a filter that is sure of itself hardly do.
-    sources : tuple of StatefulAiding
-        Heading, barometer, magnetometer.
+    sources : tuple of PlacedAiding or MeasurementSource
+        Heading, barometer, magnetometer, and measurements of one's own: any object with `name`,
+        `time` and `linearise`, see `MeasurementSource`.
     """
 
     weighting: GnssWeighting = CLAIMED
     correlated: CorrelatedGnss | None = None
-    sources: tuple[StatefulAiding, ...] = ()
+    sources: tuple[PlacedAiding | MeasurementSource, ...] = ()
+
+    @property
+    def placed_sources(self) -> tuple[PlacedAiding, ...]:
+        """The sources, all of which can be placed."""
+        return tuple(placed_source(source) for source in self.sources)
 
     def placed(self, model: SensorErrorModel) -> tuple[SensorErrorModel, MeasurementOptions]:
         """Append the states of all that has any.
@@ -45,8 +53,8 @@ class MeasurementOptions:
         correlated = self.correlated
         if correlated is not None:
             model, correlated = correlated.placed(model)
-        placed: list[StatefulAiding] = []
-        for source in self.sources:
+        placed: list[PlacedAiding] = []
+        for source in self.placed_sources:
             model, known = source.placed(model)
             placed.append(known)
         return model, MeasurementOptions(self.weighting, correlated, tuple(placed))

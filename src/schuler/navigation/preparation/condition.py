@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.data import GnssRecording
 from schuler.navigation.preparation.alignment import Alignment
-from schuler.navigation.preparation.gaps import UnseenMotion, unseen_density
+from schuler.navigation.preparation.gaps import DataGap, gap_noise_density
 from schuler.screening.screen import Finding
 from schuler.types import FloatArray
 
@@ -40,7 +40,7 @@ class DriveCondition:
     ----------
     findings : tuple of Finding
         For people.
-    unseen : tuple of UnseenMotion
+    gaps : tuple of DataGap
         Stretches that were bridged.
     restarts : tuple of Restart
         In order of time.
@@ -49,7 +49,7 @@ class DriveCondition:
     """
 
     findings: tuple[Finding, ...] = ()
-    unseen: tuple[UnseenMotion, ...] = ()
+    gaps: tuple[DataGap, ...] = ()
     restarts: tuple[Restart, ...] = ()
     wrong_fixes: FloatArray | None = None
 
@@ -67,8 +67,8 @@ class DriveCondition:
     def noise_scale(
         self, time: FloatArray, scale: FloatArray | None, white_density: FloatArray
     ) -> FloatArray | None:
-        """Add unseen motion to what multiplies the squared white-noise densities."""
-        added = unseen_density(time, self.unseen)
+        """Add gaps to what multiplies the squared white-noise densities."""
+        added = gap_noise_density(time, self.gaps)
         if added is None:
             return scale
         relative: FloatArray = added / np.maximum(white_density, 1e-12) ** 2

@@ -17,7 +17,7 @@ from schuler.data import CHANNELS, GnssRecording, ImuRecording
 from schuler.errors import NavigationError
 from schuler.navigation.preparation.condition import DriveCondition
 from schuler.navigation.preparation.fixes import screen_fixes
-from schuler.navigation.preparation.gaps import UnseenMotion, find_gaps, interpolation_variance
+from schuler.navigation.preparation.gaps import DataGap, find_gaps, interpolation_variance
 from schuler.navigation.preparation.turns import (
     CONVINCING,
     LEAST_JUMP,
@@ -56,16 +56,16 @@ def screen_drive(
     fixes = screen_fixes(gnss)
     findings += _findings_on_fixes(gnss, fixes.wrong, fixes.away, fixes.jumps)
     findings += _coverage(imu, gnss)
-    unseen = find_unseen(imu)
-    findings += [_finding_on_unseen(part) for part in unseen]
+    gaps = find_data_gaps(imu)
+    findings += [_finding_on_gap(part) for part in gaps]
     return imu, DriveCondition(
         findings=tuple(findings),
-        unseen=unseen,
+        gaps=gaps,
         wrong_fixes=gnss.time[fixes.wrong].copy() if fixes.wrong.any() else None,
     )
 
 
-def find_unseen(imu: ImuRecording) -> tuple[UnseenMotion, ...]:
+def find_data_gaps(imu: ImuRecording) -> tuple[DataGap, ...]:
     """Find gaps and stuck axes, and how much may have happened in them."""
     parts: list[tuple[float, float, NDArray[np.bool_], bool]] = [
         (a, b, np.ones(6, dtype=bool), True) for a, b in find_gaps(imu)
@@ -85,12 +85,12 @@ def find_unseen(imu: ImuRecording) -> tuple[UnseenMotion, ...]:
             merged.append(part)
     spans = [(a, b) for a, b, _, _ in merged]
     return tuple(
-        UnseenMotion(a, b, c, np.where(c, interpolation_variance(imu, b - a, spans), 0.0), gap)
+        DataGap(a, b, c, np.where(c, interpolation_variance(imu, b - a, spans), 0.0), gap)
         for a, b, c, gap in merged
     )
 
 
-def _finding_on_unseen(part: UnseenMotion) -> Finding:
+def _finding_on_gap(part: DataGap) -> Finding:
     names = tuple(c for k, c in enumerate((*CHANNELS[3:], *CHANNELS[:3])) if part.channels[k])
     if part.gap:
         what, kind = "the IMU recorded nothing", "gap"

@@ -18,7 +18,7 @@ from schuler.data import ImuRecording
 from schuler.types import FloatArray
 
 SHORTEST_GAP = 0.1
-"""Seconds; a few lost samples are no unseen motion."""
+"""Seconds; a few lost samples are no missing motion."""
 SHORTEST_GAP_STEPS = 5.0
 """Steps."""
 EDGE = 0.1
@@ -31,7 +31,7 @@ ROUGH_FORCE = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UnseenMotion:
+class DataGap:
     """A stretch in which some or all axes saw nothing.
 
     Parameters
@@ -73,7 +73,7 @@ def find_gaps(imu: ImuRecording) -> list[tuple[float, float]]:
 
 
 def interpolation_variance(
-    imu: ImuRecording, seconds: float, unseen: Sequence[tuple[float, float]]
+    imu: ImuRecording, seconds: float, gaps: Sequence[tuple[float, float]]
 ) -> FloatArray:
     """Mean square of what an interpolation over a time misses, tried where the motion was seen."""
     time = imu.time
@@ -94,7 +94,7 @@ def interpolation_variance(
             count = int(min(MOST_TRIALS, max(4.0 * room / length, FEWEST_TRIALS)))
             begin = time[0] + EDGE + np.linspace(0.0, room, count)
             clear = np.ones(count, dtype=bool)
-            for a, b in unseen:
+            for a, b in gaps:
                 clear &= (begin - EDGE > b) | (begin + length + EDGE < a)
             begin = begin[clear]
             if begin.size >= FEWEST_TRIALS:
@@ -110,16 +110,16 @@ def interpolation_variance(
     return np.asarray(np.mean(missed**2, axis=0) * (seconds / length) ** 2)
 
 
-def bridged(imu: ImuRecording, unseen: Sequence[UnseenMotion]) -> ImuRecording:
-    """Return a recording whose unseen stretches are interpolated."""
-    if not unseen:
+def bridged(imu: ImuRecording, gaps: Sequence[DataGap]) -> ImuRecording:
+    """Return a recording whose gaps are bridged by straight lines."""
+    if not gaps:
         return imu
     accel, gyro = imu.accel.copy(), imu.gyro.copy()
     time = imu.time
     added: list[FloatArray] = []
     values: list[FloatArray] = []
     step = 1.0 / imu.rate
-    for part in unseen:
+    for part in gaps:
         a = int(np.searchsorted(time, part.start, side="right"))
         b = int(np.searchsorted(time, part.stop, side="left"))
         width = max(round(EDGE * imu.rate), 1)
@@ -138,7 +138,7 @@ def bridged(imu: ImuRecording, unseen: Sequence[UnseenMotion]) -> ImuRecording:
         else:
             for c in np.flatnonzero(part.channels):
                 (accel if c < 3 else gyro)[a:b, c % 3] = line[:, c]
-    history = (*imu.history, *(_said(p) for p in unseen))
+    history = (*imu.history, *(_said(p) for p in gaps))
     if not added:
         return replace(imu, accel=accel, gyro=gyro, history=history)
     stamps = np.concatenate([time, *added])
@@ -154,18 +154,18 @@ def bridged(imu: ImuRecording, unseen: Sequence[UnseenMotion]) -> ImuRecording:
     )
 
 
-def _said(part: UnseenMotion) -> str:
+def _said(part: DataGap) -> str:
     what = "gap" if part.gap else "stuck axes"
     return f"{what} from {part.start:.3f} to {part.stop:.3f} s bridged by straight lines"
 
 
-def unseen_density(time: FloatArray, unseen: Sequence[UnseenMotion]) -> FloatArray | None:
-    """Squared noise densities that unseen motion adds, sample by sample."""
-    if not unseen:
+def gap_noise_density(time: FloatArray, gaps: Sequence[DataGap]) -> FloatArray | None:
+    """Squared noise densities that gaps add, sample by sample."""
+    if not gaps:
         return None
     added = np.zeros((time.size, 6))
     begin = np.concatenate([[2.0 * time[0] - time[1]], time[:-1]])
-    for part in unseen:
+    for part in gaps:
         a = int(np.searchsorted(time, part.start, side="right"))
         b = int(np.searchsorted(begin, part.stop, side="left"))
         rows = slice(a, b)

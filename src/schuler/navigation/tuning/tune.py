@@ -27,8 +27,9 @@ import numpy as np
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu, thin
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.navigation.tuning.likelihood import InnovationSequence, innovations, slower_imu, thin
+from schuler.navigation.tuning.likelihood import innovations
 from schuler.navigation.tuning.vibration import VibrationResponse, level_at, vibration_level
 from schuler.types import FloatArray
 

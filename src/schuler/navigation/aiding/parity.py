@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from schuler.arrays.merit import parity_matrix
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
-from schuler.navigation.aiding.gnss import AidingSchedule, linear_measurements, merge_schedules
+from schuler.navigation.aiding.schedule import AidingSchedule, linear_measurements, merge_schedules
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import Fusion, sensor_directions
 from schuler.navigation.mechanizations.array_recording import arm_forces

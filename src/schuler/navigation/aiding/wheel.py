@@ -16,13 +16,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.kernels.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
-from schuler.navigation.aiding.gnss import VEHICLE_VELOCITY, AidingSchedule, merge_schedules
+from schuler.navigation.aiding.schedule import (
+    VEHICLE_VELOCITY,
+    AidingSchedule,
+    merge_schedules,
+    schedule_rows,
+)
 from schuler.navigation.aiding.vehicle import WHEEL_STATE
 from schuler.navigation.aiding.wheel_lines import (
     BLOCK_SECONDS,
@@ -30,8 +36,9 @@ from schuler.navigation.aiding.wheel_lines import (
     WheelMemory,
     vibration_block,
 )
-from schuler.navigation.engine import diverged
+from schuler.navigation.engine import asked_at, diverged, fill_row
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.segments import RunSegment
 from schuler.navigation.stepping import (
     FilterStepper,
     InitialState,
@@ -75,6 +82,8 @@ class WheelSpeeds:
         Seconds on the IMU's axis.
     speed, sd : (k,) ndarray
         m/s.
+    place : int
+        Of the state of what is wrong with them for longer than a moment.
     order : float or None
         Turns of a wheel per metre; None if no wheel was found.
     """
@@ -82,23 +91,16 @@ class WheelSpeeds:
     time: FloatArray
     speed: FloatArray
     sd: FloatArray
-    order: float | None
+    place: int
+    order: float | None = None
 
-    def rows(self, model: SensorErrorModel) -> AidingSchedule:
+    def rows(self) -> AidingSchedule:
         """Return one measurement a speed."""
         count = self.time.size
         value, variance = np.zeros((count, 3)), np.full((count, 3), np.inf)
         value[:, 0], variance[:, 0] = self.speed, self.sd**2
-        offset = np.full((count, 3), -1, dtype=np.int64)
-        offset[:, 0] = model.names.index(WHEEL_STATE)
-        return AidingSchedule(
-            time=self.time,
-            kind=np.full(count, VEHICLE_VELOCITY, dtype=np.int64),
-            value=value,
-            variance=variance,
-            lever_arm=np.zeros((count, 3)),
-            offset_state=offset,
-        )
+        offset = (self.place, -1, -1)
+        return schedule_rows(self.time, VEHICLE_VELOCITY, value, variance, offset_state=offset)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,29 +131,23 @@ class _Evidence:
 
 
 def find_wheel_speeds(
-    imu: ImuRecording,
-    initial: InitialState,
-    model: SensorErrorModel,
-    schedule: AidingSchedule,
-    vehicle: VehicleStates,
-    *,
-    gate: FloatArray,
-    white_scale: FloatArray | None = None,
+    run: RunSegment, model: SensorErrorModel, vehicle: VehicleStates, *, gate: FloatArray
 ) -> WheelSpeeds:
     """Run the filter block by block, and let the vibration of each speak before the next."""
+    imu = run.imu
     channels = np.concatenate([imu.accel, imu.gyro], axis=1)
     step = max(round(BLOCK_INTERVAL * imu.rate), 2)
     length = round(BLOCK_SECONDS / BLOCK_INTERVAL) * step
     ends = np.arange(step, imu.size, step)
-    pieces = _pieces(imu, initial, model, schedule, vehicle, ends, gate, white_scale)
+    blocks = _filtered_blocks(run, model, vehicle, ends, gate)
     memory = WheelMemory(channels.shape[1])
     found: list[tuple[float, float, float]] = []
     pool: list[_Evidence] = []
     path = np.empty(0)
-    for last, piece in zip(ends.tolist(), pieces, strict=True):
-        speed = np.linalg.norm(piece.velocity, axis=1)
-        # one smooth profile: what was told at the end of the last piece shifts what came before
-        if piece.told:
+    for last, now in zip(ends.tolist(), blocks, strict=True):
+        speed = np.linalg.norm(now.velocity, axis=1)
+        # one smooth profile: what was told at the end of the last block shifts what came before
+        if now.told:
             path = path + (speed[0] - 2.0 * path[-1] + path[-2])
         path = np.concatenate([path, speed])[-length:]
         stretch = slice(last + 1 - length, last + 1)
@@ -161,27 +157,29 @@ def find_wheel_speeds(
         if path.min() < SLOWEST:
             continue
         block = vibration_block(imu.time[stretch], channels[stretch], path)
-        prior = _error_of_speed(piece.state, model, imu, stretch.stop)
+        prior = _error_of_speed(now.state, model, imu, stretch.stop)
         if memory.order is not None:
             pool = [e for e in pool if imu.time[last] - e.end < POOL_SECONDS]
             told = _weigh(memory, block, float(imu.time[last]), prior, pool)
             if told is not None:
-                turning = float(np.abs(imu.gyro[stretch].mean(axis=0) @ piece.state.rotation[2]))
+                turning = float(np.abs(imu.gyro[stretch].mean(axis=0) @ now.state.rotation[2]))
                 own = ROLLING_SD**2 + (WHEEL_ASIDE * turning) ** 2
                 sd = float(np.sqrt(told[1] + own))
                 if sd < LARGEST_SD:
                     pool = []
-                    piece.tell(float(path[-1]) + told[0], sd)
-                    found.append((piece.end, float(path[-1]) + told[0], sd))
+                    now.tell(float(path[-1]) + told[0], sd)
+                    found.append((now.end, float(path[-1]) + told[0], sd))
         if np.sqrt(prior[0, 0]) < KNOWN_SPEED_SD:
             memory.learn(block)
     table = np.array(found).reshape(-1, 3)
-    return WheelSpeeds(table[:, 0].copy(), table[:, 1].copy(), table[:, 2].copy(), memory.order)
+    place = model.names.index(WHEEL_STATE)
+    columns = np.ascontiguousarray(table.T)
+    return WheelSpeeds(columns[0], columns[1], columns[2], place, memory.order)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    """The filter at the end of a stretch of samples.
+class _FilteredBlock:
+    """The filter at the end of a block of samples.
 
     `velocity` (n, 3) at its samples, `told`: whether something was told at its beginning, `state`
     at its end, at the time `end`; `tell` gives the filter a speed and its standard deviation
@@ -195,40 +193,44 @@ class _Piece:
     tell: Callable[[float, float], None]
 
 
-def _pieces(
-    imu: ImuRecording,
-    initial: InitialState,
+def _filtered_blocks(
+    run: RunSegment,
     model: SensorErrorModel,
-    schedule: AidingSchedule,
     vehicle: VehicleStates,
     ends: NDArray[np.int64],
     gate: FloatArray,
-    white_scale: FloatArray | None,
-) -> Iterator[_Piece]:
+) -> Iterator[_FilteredBlock]:
     """Run the filter up to each of the samples `ends`; speeds told there are used from there on.
 
     Rows for all speeds that may come are in the schedule from the beginning, of infinite variance.
     """
+    imu = run.imu
     due = imu.time[ends] + JUST_AFTER
-    blank = WheelSpeeds(due, np.zeros(ends.size), np.full(ends.size, np.inf), None)
-    whole = merge_schedules([schedule, blank.rows(model)], float(imu.time[0]), float(due[-1]))
+    place = model.names.index(WHEEL_STATE)
+    blank = WheelSpeeds(due, np.zeros(ends.size), np.full(ends.size, np.inf), place)
+    whole = merge_schedules([run.schedule, blank.rows()], float(imu.time[0]), float(due[-1]))
     wheel = (whole.kind == VEHICLE_VELOCITY) & ~np.isfinite(whole.variance).any(axis=1)
     rows = np.flatnonzero(wheel & np.isin(whole.time, due))
-    stepper = FilterStepper(initial, model, gate=gate, vehicle=vehicle, node_interval=1e9)
+    stepper = FilterStepper(run.start, model, gate=gate, vehicle=vehicle, node_interval=1e9)
     filter_ = stepper.filter(
-        kernel_samples(imu, white_scale),
+        kernel_samples(imu, run.white_scale),
         kernel_schedule(whole, model.size),
         SampleOutputs.empty(imu.size),
         AidingOutputs.empty(whole.size, 0, stepper.size),
         NodeOutputs.empty(whole.size + 3, 0, stepper.size, stepper.width),
     )
-    table = filter_.schedule.rows
+    table, asked = filter_.schedule.rows, asked_at(imu.time, whole)
+    stops = sorted(asked)
     first, told = 0, False
     for last, row in zip(ends, rows, strict=True):
         own = slice(first, int(last) + 1)
-        bad = stepper.advance(filter_, own.start, own.stop, whole.size)
-        if bad >= 0:
-            raise diverged(imu, bad)
+        inner = (k for k in stops if own.start < k < own.stop)
+        for begin, stop in pairwise([own.start, *inner, own.stop]):
+            for u in asked.get(begin, ()):
+                fill_row(whole, u, filter_)
+            bad = stepper.advance(filter_, begin, stop, whole.size)
+            if bad >= 0:
+                raise diverged(imu, bad)
         first = own.stop
 
         def tell(speed: float, sd: float, row: int = int(row)) -> None:
@@ -237,7 +239,7 @@ def _pieces(
             table["value"][row, 0], table["variance"][row, 0] = speed, sd**2
 
         before, told = told, False
-        yield _Piece(
+        yield _FilteredBlock(
             filter_.outputs.velocity[own],
             before,
             InitialState(*stepper.copies()),
