@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +26,13 @@ from schuler.kernels.filter_data import (
     Schedule,
 )
 from schuler.kernels.filter_data import FilterState as KernelState
-from schuler.navigation.aiding.schedule import GENERAL, POSITION, VELOCITY, AidingSchedule
+from schuler.navigation.aiding.schedule import (
+    GENERAL,
+    POSITION,
+    VELOCITY,
+    AidingSchedule,
+    wider_matrices,
+)
 from schuler.navigation.causal import ConstraintStream, GapNoise, VibrationStream
 from schuler.navigation.engine import NodeStretch, ask_model, gate_thresholds
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
@@ -521,6 +527,10 @@ class NavigationFilter:
         NavigationError
             They refer to states that do not exist.
         """
+        if (measurements.kind == GENERAL).all() and measurements.matrices.size:
+            # a source knows the states up to its own; others may have come behind them
+            wide = wider_matrices(measurements.matrices, 12 + self._states)
+            measurements = replace(measurements, matrices=wide)
         check_references(measurements, self._states)
         taken = True
         for k in range(measurements.size):
