@@ -242,12 +242,7 @@ def test_outages_and_arrays_take_it_and_a_page_shows_it(drive: Drive) -> None:
     assert "range to beacon 1" in page
     g, a = drive.imu.gyro, drive.imu.accel
     pair = schuler.ImuArray.from_recordings(
-        [
-            drive.imu,
-            replace(
-                drive.imu, gyro=drive.imu.gyro + 1e-4, accel=drive.imu.accel + 1e-3, name="other"
-            ),
-        ],
+        [drive.imu, replace(drive.imu, gyro=g + 1e-4, accel=a + 1e-3, name="other")],
         schuler.Mounting.aligned(2),
     )
     for name in ("single", "synthetic", "extended"):
