@@ -175,7 +175,6 @@ def follow_biases(
     gain: float,
     axes: FloatArray,
     plan: Plan,
-    count: int,
     bias: FloatArray,
 ) -> None:
     """Let bias differences follow the mean residuals, in the gauge of the mean of the axes.
@@ -190,12 +189,12 @@ def follow_biases(
         Share of a block.
     axes : (M, 3) ndarray
         All axes.
-    plan, count
+    plan : Plan
         Of the axes in use with equal weights.
     bias : (M,) ndarray
         Brought up to date.
     """
-    active, _, _, pi, _, _, _, _ = plan
+    active, pi, count = plan.active, plan.pi, plan.count[0]
     x0 = x1 = x2 = 0.0
     for a in range(count):
         m = active[a]

@@ -4,8 +4,7 @@ Spec 6.2, 6.4, 6.5 for a diagonal covariance: x = (A'PA)^-1 A'P y, residual f = 
 of a residual q = s - h (A'PA)^-1 h', D = sum f²/s, one faulty axis F = f²/q, one faulty unit
 F = f_T' Q_TT^-1 f_T.
 
-A plan is the tuple of arrays that `make_plan` makes and `arrange` fills: the axes in use are put
-close together, so that a sample costs no look-up.
+`arrange` fills a plan: the axes in use are put close together, so that a sample costs no look-up.
 """
 
 from __future__ import annotations
@@ -14,49 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
+from schuler.kernels.redundancy_data import Plan
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-Plan = tuple[
-    IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
-]
-
-
-@kernel()
-def make_plan(total: int, units: int) -> Plan:
-    """Return the room that `arrange` fills.
-
-    Parameters
-    ----------
-    total, units : int
-        Number of axes M and of units.
-
-    Returns
-    -------
-    active : (M,) ndarray of int
-        The axes in use, in order.
-    bounds : (units + 1,) ndarray of int
-        Where each unit begins among the axes in use.
-    h, pi : (3, M) ndarray
-        Columns of A' and of (A'PA)^-1 A'P of the axes in use.
-    weight, testing : (M,) ndarray
-        1/s, and 1/q, zero where the residual is always zero.
-    inverse : (3, 3) ndarray
-        Covariance of the fused vector.
-    unit_testing : (units, 3, 3) ndarray
-        Q_TT^-1, zero where a unit cannot be tested.
-    """
-    return (
-        np.zeros(total, np.int64),
-        np.zeros(units + 1, np.int64),
-        np.zeros((3, total)),
-        np.zeros((3, total)),
-        np.zeros(total),
-        np.zeros(total),
-        np.zeros((3, 3)),
-        np.zeros((units, 3, 3)),
-    )
 
 
 @kernel(inline=True)
@@ -102,15 +63,16 @@ def arrange(
         s of a sample.
     use : (M,) ndarray of bool
         Which to use.
-    plan : tuple
-        From `make_plan`.
+    plan : Plan
+        Filled.
 
     Returns
     -------
     int
         Number of axes in use; -1 when they leave a direction unmeasured.
     """
-    active, bounds, h, pi, weight, testing, inverse, unit_testing = plan
+    active, bounds, h, pi, weight = plan.active, plan.bounds, plan.h, plan.pi, plan.weight
+    testing, inverse = plan.testing, plan.inverse
     units = bounds.size - 1
     count, filled = 0, 0
     xx = xy = xz = yy = yz = zz = 0.0
@@ -133,7 +95,9 @@ def arrange(
         bounds[filled] = count
     share, xx, xy, xz, yy, yz, zz = invert_symmetric(xx, xy, xz, yy, yz, zz)
     if count < 3 or not share > 1e-9:
+        plan.count[0] = -1
         return -1
+    plan.count[0] = count
     inverse[0, 0], inverse[0, 1], inverse[0, 2] = xx, xy, xz
     inverse[1, 0], inverse[1, 1], inverse[1, 2] = xy, yy, yz
     inverse[2, 0], inverse[2, 1], inverse[2, 2] = xz, yz, zz
@@ -145,7 +109,7 @@ def arrange(
         pi[0, a], pi[1, a], pi[2, a] = p * w, q * w, r * w
         left = variance[active[a]] - (x * p + y * q + z * r)
         testing[a] = 1.0 / left if left * w > 1e-9 else 0.0
-    _arrange_units(bounds, h, pi, weight, unit_testing)
+    _arrange_units(bounds, h, pi, weight, plan.unit_testing)
     return count
 
 

@@ -7,29 +7,63 @@ Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, section
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
+from schuler.kernels.filter_data import AidingOutputs, NodeOutputs
+from schuler.kernels.structures import Matrix, Vector, reals, structure
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+@structure
+class Adjoint:
+    """The adjoint variables lambda (s,) and Lambda (s, s), with work (s, s) and line (s,)."""
+
+    vector: Vector
+    matrix: Matrix
+    work: Matrix
+    line: Vector
+
+    @classmethod
+    def zero(cls, size: int) -> Adjoint:
+        """As at the end of a run with `size` states."""
+        square = np.zeros((2, size, size))
+        return cls(np.zeros(size), square[0], square[1], np.zeros(size))
+
+
+@structure
+class Smoothed:
+    """What is known of k nodes with everything behind them, by number of node.
+
+    error (k, s): left in the filter's state after its update there; position (k, 3, 3): its
+    covariance of position; variance (k, s).
+    """
+
+    error: Matrix
+    position: Annotated[Array, reals(None, 3, 3)]
+    variance: Matrix
+
+    @classmethod
+    def zeros(cls, nodes: int, size: int) -> Smoothed:
+        """To be written."""
+        shape = (nodes, size)
+        return cls(np.zeros(shape), np.zeros((nodes, 3, 3)), np.zeros(shape))
+
+
 @kernel()
 def back_through_update(
-    adjoint: Array,
-    information: Array,
-    row: Array,
-    gain: Array,
-    innovation: float,
-    variance: float,
-    work: Array,
+    a: Adjoint, row: Array, gain: Array, innovation: float, variance: float
 ) -> None:
     """Take the adjoint variables back through one scalar update, in place.
 
     lambda <- (I - K h)' lambda - h' nu/s and Lambda <- (I - K h)' Lambda (I - K h) + h' h/s.
     """
+    adjoint, information, work = a.vector, a.matrix, a.line
     n = adjoint.size
     along = 0.0
     for i in range(n):
@@ -56,18 +90,11 @@ def back_through_update(
 
 
 @kernel()
-def back_through_transition(
-    adjoint: Array,
-    information: Array,
-    top: Array,
-    sensor: Array,
-    block: Integers,
-    work: Array,
-) -> None:
-    """Lambda <- F' lambda and Lambda <- F' Lambda F, in place; F as the filter stores it."""
-    n = adjoint.size
+def information_times(a: Adjoint, top: Array, sensor: Array, block: Integers) -> None:
+    """Write Lambda F to the work."""
+    information, work = a.matrix, a.work
+    n = a.vector.size
     m = n - 9
-    # work = Lambda F
     for i in range(n):
         for k in range(9):
             work[i, k] = 0.0
@@ -85,11 +112,17 @@ def back_through_transition(
             if value != 0.0:
                 for k in range(n):
                     work[i, k] += value * top[q, k]
-    # information = F' work
+
+
+@kernel()
+def transposed_times(a: Adjoint, top: Array, sensor: Array, block: Integers) -> None:
+    """Lambda <- F' times the work, made symmetric."""
+    information, work = a.matrix, a.work
+    n = a.vector.size
     for i in range(9):
         for k in range(n):
             information[i, k] = 0.0
-    for j in range(m):
+    for j in range(n - 9):
         first, size = block[j, 0], block[j, 1]
         for k in range(n):
             information[9 + j, k] = 0.0
@@ -109,84 +142,68 @@ def back_through_transition(
             mean = 0.5 * (information[i, k] + information[k, i])
             information[i, k] = mean
             information[k, i] = mean
+
+
+@kernel()
+def back_through_transition(a: Adjoint, top: Array, sensor: Array, block: Integers) -> None:
+    """Lambda <- F' lambda and Lambda <- F' Lambda F, in place; F as the filter stores it."""
+    information_times(a, top, sensor, block)
+    transposed_times(a, top, sensor, block)
+    adjoint, before = a.vector, a.line
+    n = adjoint.size
     for i in range(n):
-        work[0, i] = adjoint[i]
+        before[i] = adjoint[i]
     for i in range(9):
         adjoint[i] = 0.0
-    for j in range(m):
+    for j in range(n - 9):
         first = block[j, 0]
         value = 0.0
         for q in range(first, first + block[j, 1]):
-            value += sensor[q, j - first] * work[0, 9 + q]
+            value += sensor[q, j - first] * before[9 + q]
         adjoint[9 + j] = value
     for q in range(9):
-        value = work[0, q]
+        value = before[q]
         for i in range(n):
             adjoint[i] += top[q, i] * value
 
 
 @kernel()
 def back_through_node(
-    node: int,
-    adjoint: Array,
-    information: Array,
-    node_top: Array,
-    node_transition: Array,
-    node_aid: Integers,
-    block: Integers,
-    aid_accepted: NDArray[np.bool_],
-    aid_row: Array,
-    aid_gain: Array,
-    aid_scalar: Array,
-    work: Array,
+    node: int, nodes: NodeOutputs, aiding: AidingOutputs, block: Integers, a: Adjoint
 ) -> None:
     """Take the adjoint variables from behind a node's updates to behind those of the node before.
 
-    Arrays as `run_filter` leaves them, rows modulo their number; `work` (s, s).
+    Arrays as `run_filter` leaves them, rows modulo their number.
     """
-    place, kept = node % node_top.shape[0], max(aid_row.shape[0], 1)
-    all_aids = max(aid_accepted.size, 1)
-    for u in range(node_aid[place, 1] - 1, node_aid[place, 0] - 1, -1):
-        if not aid_accepted[u % all_aids]:
+    place, kept = node % nodes.top.shape[0], max(aiding.row.shape[0], 1)
+    all_aids = max(aiding.accepted.size, 1)
+    for number in range(nodes.aid[place, 1] - 1, nodes.aid[place, 0] - 1, -1):
+        u = number % all_aids
+        if not aiding.accepted[u]:
             continue
         for i in range(2, -1, -1):
-            if aid_scalar[u % all_aids, i, 1] > 0.0:
+            if aiding.scalar[u, i, 1] > 0.0:
                 back_through_update(
-                    adjoint,
-                    information,
-                    aid_row[u % kept, i],
-                    aid_gain[u % kept, i],
-                    aid_scalar[u % all_aids, i, 0],
-                    aid_scalar[u % all_aids, i, 1],
-                    work[0],
+                    a,
+                    aiding.row[number % kept, i],
+                    aiding.gain[number % kept, i],
+                    aiding.scalar[u, i, 0],
+                    aiding.scalar[u, i, 1],
                 )
-    back_through_transition(
-        adjoint, information, node_top[place], node_transition[place], block, work
-    )
+    back_through_transition(a, nodes.top[place], nodes.transition[place], block)
 
 
 @kernel()
-def smoothed_state(
-    covariance: Array,
-    adjoint: Array,
-    information: Array,
-    line: Array,
-    error: Array,
-    position: Array,
-    variance: Array,
-) -> None:
-    """What is known at a node with everything behind it: x = -P lambda, P - P Lambda P.
-
-    Writes the error (s,) left in the filter's state, the covariance (3, 3) of position and the
-    variances (s,) of all states.
-    """
+def smooth_node(covariance: Array, a: Adjoint, smoothed: Smoothed, k: int) -> None:
+    """What is known at a node with everything behind it: x = -P lambda, P - P Lambda P."""
+    adjoint, information, line = a.vector, a.matrix, a.line
     n = adjoint.size
     for i in range(n):
         value = 0.0
         for q in range(n):
             value -= covariance[i, q] * adjoint[q]
             line[q] = 0.0
-        error[i] = value
+        smoothed.error[k, i] = value
         for q in range(n):
             p = covariance[i, q]
             for r in range(n):
@@ -194,135 +211,57 @@ def smoothed_state(
         value = covariance[i, i]
         for r in range(n):
             value -= line[r] * covariance[r, i]
-        variance[i] = max(value, 0.0)
+        smoothed.variance[k, i] = max(value, 0.0)
         if i < 3:
             for j in range(3):
                 value = covariance[i, j]
                 for r in range(n):
                     value -= line[r] * covariance[r, j]
-                position[i, j] = value
+                smoothed.position[k, i, j] = value
 
 
 @kernel()
 def smooth_nodes(
     first: int,
     stop: int,
-    adjoint: Array,
-    information: Array,
-    node_covariance: Array,
-    node_top: Array,
-    node_transition: Array,
-    node_aid: Integers,
+    nodes: NodeOutputs,
+    aiding: AidingOutputs,
     block: Integers,
-    aid_accepted: NDArray[np.bool_],
-    aid_row: Array,
-    aid_gain: Array,
-    aid_scalar: Array,
-    smoothed_error: Array,
-    smoothed_position: Array,
-    smoothed_variance: Array,
+    a: Adjoint,
+    smoothed: Smoothed,
 ) -> None:
-    """Smooth the nodes from stop - 1 down to `first`; the adjoint variables go on from there.
-
-    Arrays of nodes and measurements as `run_filter` leaves them, rows modulo their number.
-    adjoint (s,) and information (s, s): zero at the end of a run. Writes, by number of node,
-    smoothed_error (k, s): estimated error left in the filter's state after its update at each
-    node; smoothed_position (k, 3, 3): its position covariance; smoothed_variance (k, s).
-    """
-    n = adjoint.size
-    work, line = np.empty((n, n)), np.empty(n)
+    """Smooth the nodes from stop - 1 down to `first`; the adjoint variables go on from there."""
     for k in range(stop - 1, first - 1, -1):
-        smoothed_state(
-            node_covariance[k % node_covariance.shape[0]],
-            adjoint,
-            information,
-            line,
-            smoothed_error[k],
-            smoothed_position[k],
-            smoothed_variance[k],
-        )
-        back_through_node(
-            k,
-            adjoint,
-            information,
-            node_top,
-            node_transition,
-            node_aid,
-            block,
-            aid_accepted,
-            aid_row,
-            aid_gain,
-            aid_scalar,
-            work,
-        )
+        smooth_node(nodes.covariance[k % nodes.covariance.shape[0]], a, smoothed, k)
+        back_through_node(k, nodes, aiding, block, a)
 
 
 @kernel()
 def smooth_with_lag(
     horizon: Integers,
     first: int,
-    node_covariance: Array,
-    node_top: Array,
-    node_transition: Array,
-    node_aid: Integers,
+    nodes: NodeOutputs,
+    aiding: AidingOutputs,
     block: Integers,
-    aid_accepted: NDArray[np.bool_],
-    aid_row: Array,
-    aid_gain: Array,
-    aid_scalar: Array,
-    here_error: Array,
-    here_position: Array,
-    here_variance: Array,
-    next_error: Array,
-    next_position: Array,
-    next_variance: Array,
+    a: Adjoint,
+    here: Smoothed,
+    ahead: Smoothed,
 ) -> None:
     """Smooth each node, and the one behind it, with what is measured up to a horizon.
 
     horizon (k,): the last node whose measurements may be used for node first + i; node i itself
-    where nothing later may. Arrays of nodes as in `smooth_nodes`. Writes by i the state at the
-    node and that at the next one under the same horizon, each as in `smoothed_state`; the latter
-    is left alone where the horizon is the node itself.
+    where nothing later may. Writes by i the state at the node and that at the next one under the
+    same horizon; the latter is left alone where the horizon is the node itself.
     """
-    n = node_covariance.shape[1]
-    places = node_covariance.shape[0]
-    adjoint, information = np.empty(n), np.empty((n, n))
-    work, line = np.empty((n, n)), np.empty(n)
+    places = nodes.covariance.shape[0]
     for i in range(horizon.size):
         node = first + i
-        adjoint[:] = 0.0
-        information[:, :] = 0.0
+        for j in range(a.vector.size):
+            a.vector[j] = 0.0
+            for k in range(a.vector.size):
+                a.matrix[j, k] = 0.0
         for k in range(horizon[i], node, -1):
             if k == node + 1:
-                smoothed_state(
-                    node_covariance[k % places],
-                    adjoint,
-                    information,
-                    line,
-                    next_error[i],
-                    next_position[i],
-                    next_variance[i],
-                )
-            back_through_node(
-                k,
-                adjoint,
-                information,
-                node_top,
-                node_transition,
-                node_aid,
-                block,
-                aid_accepted,
-                aid_row,
-                aid_gain,
-                aid_scalar,
-                work,
-            )
-        smoothed_state(
-            node_covariance[node % places],
-            adjoint,
-            information,
-            line,
-            here_error[i],
-            here_position[i],
-            here_variance[i],
-        )
+                smooth_node(nodes.covariance[k % places], a, ahead, i)
+            back_through_node(k, nodes, aiding, block, a)
+        smooth_node(nodes.covariance[node % places], a, here, i)
