@@ -17,7 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
-from schuler.navigation.aiding.schedule import GENERAL, POSITION, VELOCITY, AidingSchedule
+from schuler.navigation.aiding.schedule import (
+    GENERAL,
+    POSITION,
+    VELOCITY,
+    AidingSchedule,
+    for_states,
+)
 from schuler.navigation.causal import ConstraintStream, GapNoise, VibrationStream
 from schuler.navigation.engine import NodeStretch, fill_row, gate_thresholds
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
@@ -458,6 +464,8 @@ class NavigationFilter:
         NavigationError
             They refer to states that do not exist.
         """
+        if any(measurements.general):
+            measurements = for_states(measurements, self._states)
         check_references(measurements, self._states)
         taken = True
         for k in range(measurements.size):
