@@ -202,33 +202,29 @@ def test_a_stream_takes_it_and_agrees_with_the_batch(drive: Drive) -> None:
     imu, setup = schuler.prepare(drive.imu, drive.gnss, NOISE, **known)
     filter_ = schuler.NavigationFilter.from_setup(setup, imu, drive.gnss, late=1.0)
     gnss, waiting, heard = drive.gnss, 0, 0
+    assert gnss.position_sd is not None
+    assert gnss.velocity is not None
+    assert gnss.velocity_sd is not None
     placed = setup.measurements.placed_sources
     time = sources[0].time
-    for k, now in enumerate(imu.time.tolist()):
-        # a measurement is given before the sample it falls into, as a driver of a sensor would
+    for k, now in enumerate([*imu.time.tolist(), np.inf]):
+        # a measurement is given before the sample it falls into, a fix comes 0.3 s late
         while heard < time.size and time[heard] <= now:
             for source in placed:
                 filter_.add(source.rows().select(slice(heard, heard + 1)))
             heard += 1
-        filter_.add_imu(now, imu.gyro[k], imu.accel[k])
+        if k < imu.size:
+            filter_.add_imu(now, imu.gyro[k], imu.accel[k])
         while waiting < gnss.size and gnss.time[waiting] + 0.3 <= now:
-            assert gnss.position_sd is not None
-            assert gnss.velocity is not None
-            assert gnss.velocity_sd is not None
-            filter_.add_gnss(
-                gnss.time[waiting],
-                gnss.position[waiting],
-                gnss.position_sd[waiting],
-                gnss.velocity[waiting],
-                gnss.velocity_sd[waiting],
-            )
-            waiting += 1
+            i, waiting = waiting, waiting + 1
+            fix = (gnss.position[i], gnss.position_sd[i], gnss.velocity[i], gnss.velocity_sd[i])
+            assert filter_.add_gnss(gnss.time[i], *fix)
     batch = schuler.navigate(drive.imu, drive.gnss, NOISE, **known)
     last = filter_.state()
     north, east = earth.metres_per_radian(last.position)
     off = (last.position - batch.trajectory.position[-1]) * [float(north), float(east), 1.0]
-    assert np.abs(off).max() < 0.02
-    np.testing.assert_allclose(last.sensor_state, batch.sensor_errors[-1], atol=0.02)
+    assert np.abs(off).max() < 5e-3
+    np.testing.assert_allclose(last.sensor_state, batch.sensor_errors[-1], atol=5e-3)
 
 
 def test_outages_and_arrays_take_it_and_a_page_shows_it(drive: Drive) -> None:
@@ -240,10 +236,9 @@ def test_outages_and_arrays_take_it_and_a_page_shows_it(drive: Drive) -> None:
         title="ranges",
     )
     assert "range to beacon 1" in page
-    g, a = drive.imu.gyro, drive.imu.accel
+    second = simulate_imu(ideal_imu(drive.profile, 50.0), NOISE, np.random.default_rng(7))
     pair = schuler.ImuArray.from_recordings(
-        [drive.imu, replace(drive.imu, gyro=g + 1e-4, accel=a + 1e-3, name="other")],
-        schuler.Mounting.aligned(2),
+        [drive.imu, replace(second, name="other")], schuler.Mounting.aligned(2)
     )
     for name in ("single", "synthetic", "extended"):
         done = schuler.navigate_array(

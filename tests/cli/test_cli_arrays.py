@@ -168,7 +168,6 @@ def test_a_calibration_that_does_not_fit_is_one_line(
         (calibrated(drive, tmp_path / "none.yaml"), "none.yaml"),
         (calibrated(drive, drive["noise"]), "noise.yaml"),
         (arguments(drive, "--calibration", str(three)), "--mount and --calibration together"),
-        (arguments(drive, "--update", "huber"), "--update, --adaptive or --gnss-correlated"),
     ):
         done = call(verb, *args)
         assert done.code == 2
@@ -186,6 +185,9 @@ def test_a_calibration_that_does_not_fit_is_one_line(
         (("--mount", "0,0,0"), "3 mountings for 2 IMUs"),
         (("--mechanization", "federated"), "mechanization 'federated'"),
         (("--mechanization", "all", "--smooth"), "--smooth with --mechanization all"),
+        (("--mechanization", "all", "--lag", "2"), "--lag with --mechanization all"),
+        (("--mechanization", "all", "--update", "huber"), "--update, --adaptive or --gnss-corr"),
+        (("--mechanization", "system", "--adaptive"), "weights of GNSS with the system"),
         (("--mechanization", "system", "--smooth"), "smoothing with the system mechanization"),
     ],
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +31,7 @@ from schuler.navigation.aiding.schedule import (
     POSITION,
     VELOCITY,
     AidingSchedule,
-    wider_matrices,
+    for_states,
 )
 from schuler.navigation.causal import ConstraintStream, GapNoise, VibrationStream
 from schuler.navigation.engine import NodeStretch, ask_model, gate_thresholds
@@ -527,10 +527,8 @@ class NavigationFilter:
         NavigationError
             They refer to states that do not exist.
         """
-        if (measurements.kind == GENERAL).all() and measurements.matrices.size:
-            # a source knows the states up to its own; others may have come behind them
-            wide = wider_matrices(measurements.matrices, 12 + self._states)
-            measurements = replace(measurements, matrices=wide)
+        if any(measurements.general):
+            measurements = for_states(measurements, self._states)
         check_references(measurements, self._states)
         taken = True
         for k in range(measurements.size):

@@ -170,6 +170,14 @@ def merge_schedules(parts: Sequence[AidingSchedule], start: float, stop: float) 
     )
 
 
+def for_states(schedule: AidingSchedule, states: int) -> AidingSchedule:
+    """Give measurements that carry their derivatives a column for every sensor state."""
+    narrow = schedule.matrices.size and schedule.matrices.shape[2] < 12 + states
+    if not narrow:
+        return schedule
+    return replace(schedule, matrices=wider_matrices(schedule.matrices, 12 + states))
+
+
 def wider_matrices(matrices: FloatArray, width: int) -> FloatArray:
     """Add columns for states that the measurements do not depend on."""
     wide = np.zeros((len(matrices), 3, width))

@@ -16,8 +16,8 @@ from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.aiding.schedule import (
     Aiding,
     AidingSchedule,
+    for_states,
     merge_schedules,
-    wider_matrices,
 )
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, SensorErrorModel
@@ -180,10 +180,7 @@ class RunSetup:
         for restart in self.condition.restarts:
             between = (merged.time > restart.begin) & (merged.time < restart.time)
             merged = merged.select(~between)
-        width = 12 + self.model.size
-        if merged.matrices.size and merged.matrices.shape[2] < width:
-            merged = replace(merged, matrices=wider_matrices(merged.matrices, width))
-        return merged
+        return for_states(merged, self.model.size)
 
     def initial_state(self, imu: ImuRecording, gnss: GnssRecording) -> InitialState:
         """Return the state and covariance at the first sample."""
