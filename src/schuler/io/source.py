@@ -41,6 +41,10 @@ class Source(Protocol):
     def history(self) -> tuple[str, ...]:
         """What the reader did so far."""
 
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What the reader took for granted without being told."""
+
     def is_text(self, name: str) -> bool:
         """Tell whether a column holds text (such as a date) instead of numbers."""
 
@@ -100,6 +104,8 @@ class MemorySource:
         What the reader did.
     row_word : str
         What one row is called in messages.
+    assumptions : tuple of str
+        What the reader took for granted.
     """
 
     path: Path
@@ -108,6 +114,7 @@ class MemorySource:
     rate: float | None = None
     history: tuple[str, ...] = ()
     row_word: str = "row"
+    assumptions: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

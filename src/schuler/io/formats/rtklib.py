@@ -10,12 +10,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from schuler.errors import InputError
+from schuler.io.format import Format, Start, What
 from schuler.io.source import Columns, MemorySource
+
+if TYPE_CHECKING:
+    from schuler.io.options import ReadOptions
 
 _GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "ns")
 _DAY = re.compile(r"\d{4}[/-]\d\d[/-]\d\d")
@@ -24,7 +28,7 @@ _WEEK_SECONDS = 604800.0
 _DEFAULT = ("latitude(deg)", "longitude(deg)", "height(m)", "Q", "ns", "sdn(m)", "sde(m)", "sdu(m)")
 
 
-def open_pos(path: Path) -> MemorySource:
+def open_pos(path: Path, what: What, options: ReadOptions) -> MemorySource:
     """Read an RTKLIB solution file."""
     names, rows, numbers, scale_name = _lines(path)
     if not rows:
@@ -34,7 +38,7 @@ def open_pos(path: Path) -> MemorySource:
             where=str(path),
         )
     width = len(rows[0])
-    time, used, what = _time(path, rows, numbers)
+    time, used, said = _time(path, rows, numbers)
     names = _spread_degrees(names, width - used)
     table = np.empty((len(rows), len(names)))
     for k, row in enumerate(rows):
@@ -46,13 +50,13 @@ def open_pos(path: Path) -> MemorySource:
     columns: Columns = {"time": time}
     columns |= {n: table[:, j] for j, n in enumerate(names)}
     columns = _join_degrees(columns)
-    history = (f"time from {what} ({scale_name})",)
+    history = (f"time from {said} ({scale_name})",)
     return MemorySource(path, columns, {"time": "s"}, None, history, row_word="epoch")
 
 
-def is_pos(lines: list[str]) -> bool:
+def is_pos(start: Start) -> bool:
     """Tell whether the first lines of a text file are those of an RTKLIB solution."""
-    marked = [x for x in lines[:60] if x.startswith("%")]
+    marked = [x for x in start.lines[:60] if x.startswith("%")]
     return any(re.search(r"\bQ\s+ns\b|RTKLIB|rnx2rtkp|RTKPOST|RTKNAVI", x) for x in marked)
 
 
@@ -151,3 +155,8 @@ def _join_degrees(columns: Columns) -> Columns:
         rest = columns.pop(f"{name} minutes") / 60.0 + columns.pop(f"{name} seconds") / 3600.0
         joined[f"{name}(deg)"] = degrees + np.copysign(rest, degrees)
     return {**joined, **columns}
+
+
+FORMATS = (
+    Format("rtklib", "an RTKLIB solution", (".pos",), ("gnss",), detect=is_pos, open=open_pos),
+)

@@ -7,29 +7,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from schuler.errors import InputError
+from schuler.io.format import Format, Start, What, lacking
 from schuler.io.source import MemorySource
+
+if TYPE_CHECKING:
+    from schuler.io.options import ReadOptions
 
 _IMU = ("angular_velocity", "linear_acceleration")
 
 
-def open_bag(path: Path, what: str, topic: str | None, clock: str = "header") -> MemorySource:
+def open_bag(path: Path, what: What, options: ReadOptions) -> MemorySource:
     """Read one topic of a bag."""
+    topic, clock = options.topic, options.clock
     if clock not in ("header", "bag"):
         raise InputError(f"clock is '{clock}'", expected="'header' or 'bag'")
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise InputError(
-            "reading ROS bags needs the package rosbags, which is not installed",
-            cure="install it with: pip install 'schuler[ros]'",
-            where=str(path),
-        ) from None
+        raise lacking("rosbags", "ros", path) from None
     kind = "sensor_msgs/msg/Imu" if what == "imu" else "sensor_msgs/msg/NavSatFix"
     row = _imu_row if what == "imu" else _fix_row
     try:
@@ -128,3 +129,21 @@ def _source(path: Path, table: Any, what: str, topic: str, clock: str) -> Memory
         values = np.hstack([table[:, 2:5], np.sqrt(table[:, 5:8])])
     columns = {"time_s": time} | {n: values[:, k] for k, n in enumerate(names)}
     return MemorySource(path, columns, {}, None, tuple(history), row_word="message")
+
+
+def _is_bag(start: Start) -> bool:
+    return "metadata.yaml" in start.names
+
+
+FORMATS = (
+    Format(
+        "rosbag",
+        "a ROS 1 or ROS 2 bag",
+        (".bag", ".db3", ".mcap"),
+        ("imu", "gnss"),
+        magic=(b"#ROSBAG V", b"SQLite format 3\x00", b"\x89MCAP0\r\n"),
+        detect=_is_bag,
+        open=open_bag,
+        extra="ros",
+    ),
+)
