@@ -96,10 +96,10 @@ def time_axis(
         time = time + columns[part.name].astype(np.float64) * units.scale(part.unit, "time")
         notes.did(f"time from '{column.name}' and '{part.name}'")
     if week is not None and time.size:
-        weeks = columns[week.name].astype(np.float64)
-        first = weeks[np.isfinite(weeks)][:1]
-        time = time + (weeks - (first[0] if first.size else 0.0)) * 604800.0
-        notes.did(f"seconds of GPS week {first[0] if first.size else 0.0:.0f}")
+        weeks = np.asarray(columns[week.name], dtype=np.float64)
+        opening = weeks[np.isfinite(weeks)][:1]
+        time = time + (weeks - (opening[0] if opening.size else 0.0)) * 604800.0
+        notes.did(f"seconds of GPS week {opening[0] if opening.size else 0.0:.0f}")
     return np.asarray(time)
 
 

@@ -276,4 +276,5 @@ def follow(r: Redundancy) -> int:
             continue
         take_out(r, b)
         let_in(r)
-    return memory.events[0]
+    events: int = memory.events[0]
+    return events
