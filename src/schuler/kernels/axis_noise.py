@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.fusion import BoolArray, FloatArray, IntArray, Plan
+from schuler.kernels.fusion import BoolArray, FloatArray, IntArray
+from schuler.kernels.redundancy_data import Plan
 
 
 @kernel()

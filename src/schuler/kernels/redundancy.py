@@ -276,4 +276,4 @@ def follow(r: Redundancy) -> int:
             continue
         take_out(r, b)
         let_in(r)
-    return memory.events[0]
+    return int(memory.events[0])
