@@ -27,6 +27,17 @@ Integers = NDArray[np.int64]
 
 
 @kernel(inline=True)
+def work_rows(work: Work) -> tuple[Array, Array, Array, Array]:
+    """Rows of 264 for channel errors (6), two results (9 each), and whole blocks (9 or more).
+
+    Parts of one array, so that the compiler knows that they lie apart.
+    """
+    s = 264
+    flat = work.rows
+    return flat[: 6 * s], flat[6 * s : 15 * s], flat[15 * s : 24 * s], flat[24 * s :]
+
+
+@kernel(inline=True)
 def navigation_rows(
     rows: Array,
     channel_errors: Array,
@@ -197,15 +208,14 @@ def add_white_noise(covariance: Array, rotation: Array, white: Array, dt: float)
 
 
 @kernel(inline=True)
-def channel_columns(model: SensorModel, work: Work) -> None:
-    """Sum the columns of the sensor states in `work.top` into six rows of nine, `work.errors`."""
+def channel_columns(channel: Integers, direction: Array, top: Array, errors: Array) -> None:
+    """Sum the columns of the sensor states in `top` into six rows of nine, `errors`."""
     s = 264
-    top, errors, direction = work.top, work.errors, work.shown
     for c in range(6):
         for i in range(9):
             errors[c * s + i] = 0.0
-    for j in range(model.channel.size):
-        c = model.channel[j]
+    for j in range(channel.size):
+        c = channel[j]
         if c < 0:
             continue
         d0 = direction[j, 0]
@@ -247,23 +257,24 @@ def cross_covariance(covariance: Array, block: Integers, transition: Array, top:
 def propagate_covariance(state: FilterState, model: SensorModel, work: Work, dt: float) -> None:
     """P <- F P F' + Q over one step, in place. Spec 7.2 and 7.3."""
     s = 264
-    covariance, rows, errors = state.covariance, work.rows, work.errors
+    covariance = state.covariance
+    errors, top, block_top, rows = work_rows(work)
     rotation, earth, transport = state.rotation, state.earth, state.transport
     n = covariance.shape[0]
     for i in range(9):
         for k in range(n):
             rows[i * s + k] = covariance[i, k]
     channel_rows(covariance, model.channel, work.shown, n, errors)
-    navigation_rows(rows, errors, work.top, n, dt, rotation, earth, transport)
+    navigation_rows(rows, errors, top, n, dt, rotation, earth, transport)
     for i in range(9):
         for k in range(9):
-            rows[k * s + i] = work.top[i * s + k]
-    channel_columns(model, work)
-    navigation_rows(rows, errors, work.block_top, 9, dt, rotation, earth, transport)
+            rows[k * s + i] = top[i * s + k]
+    channel_columns(model.channel, work.shown, top, errors)
+    navigation_rows(rows, errors, block_top, 9, dt, rotation, earth, transport)
     for i in range(9):
         for k in range(i + 1):
-            covariance[i, k] = work.block_top[i * s + k]
-            covariance[k, i] = work.block_top[i * s + k]
-    cross_covariance(covariance, model.block, state.transition, work.top)
+            covariance[i, k] = block_top[i * s + k]
+            covariance[k, i] = block_top[i * s + k]
+    cross_covariance(covariance, model.block, state.transition, top)
     sensor_covariance(covariance, model.block, state.transition, state.noise, rows)
     add_white_noise(covariance, rotation, work.white, dt)

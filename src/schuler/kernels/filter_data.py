@@ -346,15 +346,12 @@ class VehicleWork:
 class Work:
     """What a step writes and forgets.
 
-    rows, errors, top, block_top: rows of `ROW` places, see `propagate_covariance`; sensor (m,);
+    rows: rows of `ROW` places in one array, see `work_rows`; sensor (m,);
     shown (m, 3): how states show in this sample; angle to sculling: shares of a sample that fall
     on one step; white (2, 3, 3) and root (6,): noise in this sample.
     """
 
     rows: Vector
-    errors: Vector
-    top: Vector
-    block_top: Vector
     sensor: Vector
     shown: Vectors3
     angle: Vector3
@@ -370,10 +367,7 @@ class Work:
         """Work for a model."""
         m, widest = model.drift.shape
         shapes = {
-            "rows": (max(9, widest) * ROW,),
-            "errors": (6 * ROW,),
-            "top": (9 * ROW,),
-            "block_top": (9 * ROW,),
+            "rows": ((24 + max(9, widest)) * ROW,),
             "sensor": (m,),
             "shown": (m, 3),
             "angle": (3,),

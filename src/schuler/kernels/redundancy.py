@@ -276,5 +276,4 @@ def follow(r: Redundancy) -> int:
             continue
         take_out(r, b)
         let_in(r)
-    events: int = memory.events[0]
-    return events
+    return int(memory.events[0])

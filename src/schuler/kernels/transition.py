@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.covariance import navigation_rows
+from schuler.kernels.covariance import navigation_rows, work_rows
 from schuler.kernels.filter_data import FilterState, SensorModel, Work
 
 Array = NDArray[np.float64]
@@ -256,7 +256,8 @@ def multiply_blocks(sensor: Array, block: Integers, transition: Array, work: Arr
 def accumulate_transition(state: FilterState, model: SensorModel, work: Work, dt: float) -> None:
     """Left-multiply the transition since the last node by that of one step, in place."""
     s = 264
-    top, sensor, errors, direction = state.node_top, state.node_sensor, work.errors, work.shown
+    top, sensor, direction = state.node_top, state.node_sensor, work.shown
+    errors, result, _, _ = work_rows(work)
     channel, block = model.channel, model.block
     m = sensor.shape[0]
     # states behind the last that shows in a channel change nothing of navigation
@@ -279,11 +280,11 @@ def accumulate_transition(state: FilterState, model: SensorModel, work: Work, dt
                 base = 0 if c < 3 else 3
                 for i in range(3):
                     errors[(base + i) * s + 9 + first + q] += direction[j, i] * sensor[j, q]
-    navigation_rows(top, errors, work.top, n, dt, state.rotation, state.earth, state.transport)
+    navigation_rows(top, errors, result, n, dt, state.rotation, state.earth, state.transport)
     for i in range(9):
         for k in range(n):
-            top[i * s + k] = work.top[i * s + k]
-    multiply_blocks(sensor, block, state.transition, work.top)
+            top[i * s + k] = result[i * s + k]
+    multiply_blocks(sensor, block, state.transition, result)
 
 
 @kernel(inline=True)
