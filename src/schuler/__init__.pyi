@@ -30,20 +30,20 @@ from .arrays.detection.faults import (
 from .arrays.detection.faults import (
     detect_faults as detect_faults,
 )
-from .arrays.detection.lasting_faults import (
+from .arrays.detection.healthy_motion import (
     HealthyMotion as HealthyMotion,
+)
+from .arrays.detection.healthy_motion import (
+    LastingFaultSettings as LastingFaultSettings,
+)
+from .arrays.detection.healthy_motion import (
+    learn_healthy_motion as learn_healthy_motion,
 )
 from .arrays.detection.lasting_faults import (
     LastingFaults as LastingFaults,
 )
 from .arrays.detection.lasting_faults import (
-    LastingFaultSettings as LastingFaultSettings,
-)
-from .arrays.detection.lasting_faults import (
     detect_lasting_faults as detect_lasting_faults,
-)
-from .arrays.detection.lasting_faults import (
-    learn_healthy_motion as learn_healthy_motion,
 )
 from .arrays.geometry import (
     Geometry as Geometry,
@@ -73,10 +73,10 @@ from .arrays.synthesis.volatility import (
     averaged_volatility as averaged_volatility,
 )
 from .curves.allan import (
-    AllanCurve as AllanCurve,
-)
-from .curves.allan import (
     allan_deviation as allan_deviation,
+)
+from .curves.allan_curve import (
+    AllanCurve as AllanCurve,
 )
 from .curves.autocorrelation import (
     AutocorrelationCurve as AutocorrelationCurve,

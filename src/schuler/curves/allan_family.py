@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.curves.allan import AllanCurve, default_factors
+from schuler.curves.allan_curve import AllanCurve, default_factors
 from schuler.curves.allan_family_confidence import (
     Kind,
     family_degrees_of_freedom,

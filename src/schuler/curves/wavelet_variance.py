@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.confidence import (
     chi_square_bounds,
     local_slope,

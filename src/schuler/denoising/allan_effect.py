@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.curves.allan import AllanCurve, allan_deviation
+from schuler.curves.allan import allan_deviation
+from schuler.curves.allan_curve import AllanCurve
 from schuler.denoising.wavelet import Denoised
 from schuler.errors import InputError
 from schuler.types import FloatArray

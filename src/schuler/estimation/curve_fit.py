@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.confidence import allan_covariance
 from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.estimation.parts import (

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.estimation.record import RecordVerdict
 from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum

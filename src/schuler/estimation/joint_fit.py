@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.curves.allan import AllanCurve, allan_deviation, default_factors
+from schuler.curves.allan import allan_deviation
+from schuler.curves.allan_curve import AllanCurve, default_factors
 from schuler.errors import EstimationError
 from schuler.estimation.curve_fit import (
     CurvePoints,

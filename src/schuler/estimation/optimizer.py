@@ -83,6 +83,8 @@ class Rules:
         A step may lose so much of the value to rounding.
     hold : bool
         Parameters at a bound that pull beyond it are held there.
+    ladder : bool
+        Every step begins undamped and is damped only as far as needed; strict descent.
     """
 
     iterations: int = 60
@@ -96,6 +98,11 @@ class Rules:
     close: float = 0.0
     rounding: float = 0.0
     hold: bool = True
+    ladder: bool = False
+
+
+Move = Callable[[FloatArray, FloatArray], FloatArray | None]
+"""Where a step leads from a place; None where it leads nowhere."""
 
 
 def minimise(
@@ -103,31 +110,33 @@ def minimise(
     start: FloatArray,
     bounds: tuple[FloatArray | float, FloatArray | float],
     rules: Rules,
+    move: Move | None = None,
 ) -> Minimum[State]:
-    """Follow damped steps downhill within bounds."""
+    """Follow damped steps downhill within bounds.
+
+    Without `move` a step is cut to the longest and to the bounds.
+    """
     low, high = bounds
-    here, at = start, evaluate(start)
+
+    def cut(here: FloatArray, step: FloatArray) -> FloatArray | None:
+        return np.clip(here + np.clip(step, -rules.longest, rules.longest), low, high)
+
+    go, here, at = move or cut, start, evaluate(start)
     damping = rules.damping
     for _ in range(rules.iterations):
         free = np.ones(here.size, dtype=bool)
         if rules.hold:
-            free = ~(((here <= low) & (at.pull < 0.0)) | ((here >= high) & (at.pull > 0.0)))
-        normal, pull = at.curvature[np.ix_(free, free)], at.pull[free]
-        scale = np.maximum(np.diag(normal), rules.floor)
-        if rules.ridge:
-            normal = normal + rules.ridge * np.diag(scale)
-        if pull.size == 0 or (
-            rules.close and float(pull @ np.linalg.solve(normal, pull)) < rules.close
-        ):
+            free = ~(((here <= low) & (at.pull <= 0.0)) | ((here >= high) & (at.pull >= 0.0)))
+        if rules.close and promise(at.pull, at.curvature, free, rules) < rules.close:
             return Minimum(here, at, True)
-        step = np.linalg.solve(normal + damping * np.diag(scale), pull)
-        trial = here.copy()
-        trial[free] += np.clip(step, -rules.longest, rules.longest)
-        trial = np.clip(trial, low, high)
-        there = evaluate(trial)
-        if math.isfinite(there.value) and (
-            there.value <= at.value + rules.rounding * abs(at.value)
-        ):
+        there = None
+        for tried in LADDER if rules.ladder else (damping,):
+            trial = go(here, damped_step(at.pull, at.curvature, tried, free, rules))
+            there = None if trial is None else evaluate(trial)
+            if there is not None and _better(there.value, at.value, rules):
+                break
+            there = None
+        if there is not None and trial is not None:
             gained = at.value - there.value
             here, at = trial, there
             damping = max(0.1 * damping, rules.least)
@@ -135,21 +144,47 @@ def minimise(
                 return Minimum(here, at, True)
         else:
             damping *= 10.0
-            if damping > rules.most:
+            if rules.ladder or damping > rules.most:
                 return Minimum(here, at, not rules.close)
     return Minimum(here, at, False)
 
 
+def _better(there: float, here: float, rules: Rules) -> bool:
+    if rules.ladder:
+        return there < here
+    return math.isfinite(there) and there <= here + rules.rounding * abs(here)
+
+
+def promise(
+    pull: FloatArray, curvature: FloatArray, free: NDArray[np.bool_], rules: Rules | None = None
+) -> float:
+    """What an undamped step promises: squared distance in standard errors, Newton's decrement."""
+    if not (np.isfinite(pull).all() and np.isfinite(curvature).all()):
+        return math.inf
+    return float(pull @ damped_step(pull, curvature, 0.0, free, rules))
+
+
 def damped_step(
-    pull: FloatArray, curvature: FloatArray, damping: float, free: NDArray[np.bool_] | None = None
+    pull: FloatArray,
+    curvature: FloatArray,
+    damping: float,
+    free: NDArray[np.bool_] | None = None,
+    rules: Rules | None = None,
 ) -> FloatArray:
-    """One damped step of some parameters, in units of the diagonal of the curvature."""
+    """One damped step of some parameters, in units of the diagonal of the curvature.
+
+    Without rules a direction that the curvature does not see is left alone.
+    """
     step = np.zeros(pull.size)
     rows = np.arange(pull.size) if free is None else np.flatnonzero(free)
     inner = curvature[np.ix_(rows, rows)]
-    if not (np.isfinite(inner).all() and np.isfinite(pull).all()):
+    if rows.size == 0 or not (np.isfinite(inner).all() and np.isfinite(pull).all()):
         return step
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
-    step[rows] = scale * np.linalg.lstsq(unit, scale * pull[rows], rcond=1e-15)[0]
+    if rules is None or rules.ladder:
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+        unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
+        step[rows] = scale * np.linalg.lstsq(unit, scale * pull[rows], rcond=1e-15)[0]
+        return step
+    diagonal = np.maximum(np.diag(inner), rules.floor)
+    step[rows] = np.linalg.solve(inner + (rules.ridge + damping) * np.diag(diagonal), pull[rows])
     return step

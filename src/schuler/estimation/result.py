@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from schuler.errors import ModelError
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
 from schuler.noise import Process
 
@@ -90,26 +89,6 @@ class MethodIdentification:
     converged: bool
     flags: tuple[str, ...]
     fit: Fit
-
-    def require_process(self) -> Process:
-        """Return the process, or say why there is none.
-
-        Returns
-        -------
-        Process
-            In the unit of the signal.
-
-        Raises
-        ------
-        ModelError
-            The method has no process.
-        """
-        if self.process is None:
-            raise ModelError(
-                f"method '{self.method}' gave no process: {self.no_process}",
-                cure="use another method for filters and simulations",
-            )
-        return self.process
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON, SI; the estimator's own result under "fit"."""

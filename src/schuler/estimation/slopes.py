@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.noise.gauss_markov import FLICKER_LEVEL
 from schuler.types import FloatArray
 

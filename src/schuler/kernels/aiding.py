@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from schuler.kernels.attitude_aiding import heading_model, magnetic_model
 from schuler.kernels.compile import kernel
+from schuler.kernels.filter_data import Filter
 from schuler.kernels.general_aiding import general_model
 from schuler.kernels.transition import correct_sample
 from schuler.kernels.update import (
@@ -20,10 +21,13 @@ from schuler.kernels.update import (
     add_rate_noise,
     measurement_model,
 )
-from schuler.kernels.vehicle import standstill_model, vehicle_velocity_model
+from schuler.kernels.vehicle import (
+    vehicle_velocity_model,
+    zero_rate_model,
+    zero_velocity_model,
+)
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @kernel(inline=True)
@@ -47,123 +51,101 @@ def constraint_applies(
 
 
 @kernel()
-def aiding_model(
-    kind: int,
-    value: Array,
-    variance: Array,
-    lever: Array,
-    offset: Integers,
-    matrix: Array,
-    position: Array,
-    velocity: Array,
-    rotation: Array,
-    earth: Array,
-    angle: Array,
-    accel: Array,
-    step: float,
-    sensor_state: Array,
-    channel: Integers,
-    direction: Array,
-    white: Array,
-    habits: Array,
-    vehicle: int,
-    mounting: Array,
-    residual: Array,
-    design: Array,
-    noise_variance: Array,
-) -> None:
-    """Write residual (3,), H (3, n) and the variances (3,) of the noise of one measurement.
-
-    `angle` (3,) is the corrected increment of the sample that the measurement falls into, `step`
-    its length and `accel` (3,) its specific force as measured; `white` (2, 3, 3) as in
-    `propagate_covariance`, `habits` as in `carve_navigation`.
-    """
-    body_rate = np.empty(3)
+def read_measurement(f: Filter, u: int) -> int:
+    """Take the measurement in row u to hand; returns its kind."""
+    row, z = f.schedule.rows[u], f.measurement
+    value, variance, lever, offset = row["value"], row["variance"], row["lever"], row["offset"]
     for i in range(3):
-        rate = angle[i] / step
+        z.value[i] = value[i]
+        z.variance[i] = variance[i]
+        z.noise_variance[i] = variance[i]
+        z.lever[i] = lever[i]
+        z.offset[i] = offset[i]
+    kind: int = row["kind"]
+    return kind
+
+
+@kernel()
+def antenna_model(f: Filter, kind: int) -> None:
+    """Position (kind 0) or velocity (kind 1) of an antenna; of a height only that is used."""
+    state, z = f.state, f.measurement
+    measurement_model(
+        kind,
+        z.value,
+        z.lever,
+        state.position,
+        state.velocity,
+        state.rotation,
+        z.body_rate,
+        f.model.channel,
+        f.work.shown,
+        z.residual,
+        z.design,
+    )
+
+
+@kernel()
+def rolling_model(f: Filter) -> None:
+    """Velocity in vehicle axes, with the noise of the gyros that shows in it."""
+    state, work, z, v = f.state, f.work, f.measurement, f.work.vehicle
+    for i in range(3):
+        v.acceleration[i] = state.mean_force[i] + 9.8 * state.rotation[2, i]
+        mean = state.mean_rate[i]
+        v.rate[i] = mean + state.rate_share[0] * (z.body_rate[i] - mean)
+        v.rate_variance[i] = state.rate_noise[0] * work.white[1, i, i]
+    vehicle_velocity_model(state, f.model, f.rules, work, z)
+    for i in range(3):
         for c in range(3):
-            rate -= rotation[c, i] * earth[3 + c]
-        body_rate[i] = rate
-        noise_variance[i] = variance[i]
-    if kind < 2:
-        measurement_model(
-            kind,
-            value,
-            lever,
-            position,
-            velocity,
-            rotation,
-            body_rate,
-            channel,
-            direction,
-            residual,
-            design,
-        )
-        if kind == 1:
-            add_rate_noise(lever, rotation, white, step, noise_variance)
+            z.noise_variance[i] += v.by_rate[i, c] ** 2 * v.rate_variance[c]
+
+
+@kernel()
+def standing_model(f: Filter, k: int) -> None:
+    """Zero rate of turn against the earth, by the mean of the gyros."""
+    state, z = f.state, f.measurement
+    correct_sample(
+        z.value,
+        f.samples.accel[k],
+        1.0,
+        state.sensor,
+        f.model.channel,
+        f.work.shown,
+        z.body_rate,
+        f.work.vehicle.acceleration,
+    )
+    for i in range(3):
+        for c in range(3):
+            z.body_rate[i] -= state.rotation[c, i] * state.earth[3 + c]
+    zero_rate_model(state, f.model, f.work, z)
+
+
+@kernel()
+def aiding_model(f: Filter, u: int, kind: int, k: int, step: float) -> None:
+    """Write residual, H and the variances of the noise of the measurement at hand.
+
+    It stands in row u, and falls into sample k, whose length is `step`.
+    """
+    state, work, z = f.state, f.work, f.measurement
+    for i in range(3):
+        rate = state.angle[i] / step
+        for c in range(3):
+            rate -= state.rotation[c, i] * state.earth[3 + c]
+        z.body_rate[i] = rate
+    if kind == 0 or kind == 8:
+        antenna_model(f, 0)
+    elif kind == 1:
+        antenna_model(f, 1)
+        add_rate_noise(z.lever, state.rotation, work.white, step, z.noise_variance)
     elif kind == 2:
-        acceleration, turn_variance = np.empty(3), np.empty(3)
-        by_rate = np.zeros((3, 3))
-        for i in range(3):
-            acceleration[i] = habits[i] + 9.8 * rotation[2, i]
-            body_rate[i] = habits[3 + i] + habits[6] * (body_rate[i] - habits[3 + i])
-            turn_variance[i] = habits[7] * white[1, i, i]
-        vehicle_velocity_model(
-            value,
-            velocity,
-            rotation,
-            body_rate,
-            turn_variance,
-            acceleration,
-            channel,
-            direction,
-            sensor_state,
-            vehicle,
-            mounting,
-            residual,
-            design,
-            by_rate,
-        )
-        for i in range(3):
-            for c in range(3):
-                noise_variance[i] += by_rate[i, c] ** 2 * turn_variance[c]
-    elif kind < 5:
-        if kind == 4:
-            unused = np.empty(3)
-            correct_sample(value, accel, 1.0, sensor_state, channel, direction, body_rate, unused)
-            for i in range(3):
-                for c in range(3):
-                    body_rate[i] -= rotation[c, i] * earth[3 + c]
-        standstill_model(kind, velocity, rotation, body_rate, channel, direction, residual, design)
+        rolling_model(f)
+    elif kind == 3:
+        zero_velocity_model(state, z)
+    elif kind == 4:
+        standing_model(f, k)
     elif kind == 5 or kind == 9:
-        general_model(
-            value,
-            lever,
-            matrix,
-            position,
-            velocity,
-            rotation,
-            sensor_state,
-            residual,
-            design,
-        )
+        general_model(f, max(f.schedule.rows[u]["matrix"], 0))
     elif kind == 6:
-        heading_model(value, lever, rotation, residual, design)
+        heading_model(z.value, z.lever, state.rotation, z.residual, z.design)
     elif kind == 7:
-        magnetic_model(value, lever, rotation, residual, design)
-    else:
-        # of the position only the height is used
-        measurement_model(
-            0,
-            value,
-            lever,
-            position,
-            velocity,
-            rotation,
-            body_rate,
-            channel,
-            direction,
-            residual,
-            design,
-        )
-    add_offset_states(offset, sensor_state, residual, design)
+        magnetic_model(z.value, z.lever, state.rotation, z.residual, z.design)
+    add_offset_states(z.offset, state.sensor, z.residual, z.design)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
+from schuler.kernels.update import clear
 
 Array = NDArray[np.float64]
 
@@ -33,8 +34,9 @@ def heading_model(
     first component is used; a direction that points straight up or down has no heading and gives
     no information.
     """
-    design[:, :] = 0.0
-    residual[:] = 0.0
+    clear(design)
+    for i in range(3):
+        residual[i] = 0.0
     d0 = rotation[0, 0] * baseline[0] + rotation[0, 1] * baseline[1] + rotation[0, 2] * baseline[2]
     d1 = rotation[1, 0] * baseline[0] + rotation[1, 1] * baseline[1] + rotation[1, 2] * baseline[2]
     d2 = rotation[2, 0] * baseline[0] + rotation[2, 1] * baseline[1] + rotation[2, 2] * baseline[2]
@@ -58,7 +60,7 @@ def magnetic_model(
     value (3,): as measured, the sensor's own offset (hard iron) being an error that adds to it;
     `field` (3,): of the earth in north, east, down, in the same unit.
     """
-    design[:, :] = 0.0
+    clear(design)
     m0, m1, m2 = field[0], field[1], field[2]
     for i in range(3):
         a, b, c = rotation[0, i], rotation[1, i], rotation[2, i]

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
+from schuler.kernels.filter_data import FilterState, SensorModel, Work
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -179,46 +180,32 @@ def sensor_covariance(
 
 
 @kernel(inline=True)
-def propagate_covariance(
-    covariance: Array,
-    dt: float,
-    rotation: Array,
-    earth: Array,
-    transport: Array,
-    channel: Integers,
-    direction: Array,
-    block: Integers,
-    transition: Array,
-    noise: Array,
-    white: Array,
-    rows: Array,
-    errors: Array,
-    top: Array,
-    block_top: Array,
-) -> None:
-    """P <- F P F' + Q over one step, in place. Spec 7.2 and 7.3.
+def add_white_noise(covariance: Array, rotation: Array, white: Array, dt: float) -> None:
+    """Add C W C' dt of both triads."""
+    for part in range(2):
+        first = 3 + 3 * part
+        for i in range(3):
+            c0, c1, c2 = rotation[i, 0] * dt, rotation[i, 1] * dt, rotation[i, 2] * dt
+            w0 = c0 * white[part, 0, 0] + c1 * white[part, 1, 0] + c2 * white[part, 2, 0]
+            w1 = c0 * white[part, 0, 1] + c1 * white[part, 1, 1] + c2 * white[part, 2, 1]
+            w2 = c0 * white[part, 0, 2] + c1 * white[part, 1, 2] + c2 * white[part, 2, 2]
+            for k in range(i + 1):
+                value = w0 * rotation[k, 0] + w1 * rotation[k, 1] + w2 * rotation[k, 2]
+                covariance[first + i, first + k] += value
+                if k != i:
+                    covariance[first + k, first + i] += value
 
-    `covariance` (n, n) with n = 9 + m <= 256; block, transition and noise as in
-    `sensor_covariance`; `white` (2, 3, 3): covariance densities of the accelerometers and of the
-    gyros in the body frame; work arrays of 264 places a row: rows, top and block_top of 9 rows
-    (rows of more if a block has more states), errors of 6.
-    """
+
+@kernel(inline=True)
+def channel_columns(model: SensorModel, work: Work) -> None:
+    """Sum the columns of the sensor states in `work.top` into six rows of nine, `work.errors`."""
     s = 264
-    n = covariance.shape[0]
-    m = n - 9
-    for i in range(9):
-        for k in range(n):
-            rows[i * s + k] = covariance[i, k]
-    channel_rows(covariance, channel, direction, n, errors)
-    navigation_rows(rows, errors, top, n, dt, rotation, earth, transport)
-    for i in range(9):
-        for k in range(9):
-            rows[k * s + i] = top[i * s + k]
+    top, errors, direction = work.top, work.errors, work.shown
     for c in range(6):
         for i in range(9):
             errors[c * s + i] = 0.0
-    for j in range(m):
-        c = channel[j]
+    for j in range(model.channel.size):
+        c = model.channel[j]
         if c < 0:
             continue
         d0 = direction[j, 0]
@@ -233,14 +220,13 @@ def propagate_covariance(
                 errors[base + i] += d0 * value
                 errors[base + s + i] += d1 * value
                 errors[base + 2 * s + i] += d2 * value
-    navigation_rows(rows, errors, block_top, 9, dt, rotation, earth, transport)
-    for i in range(9):
-        for k in range(i + 1):
-            covariance[i, k] = block_top[i * s + k]
-            covariance[k, i] = block_top[i * s + k]
 
-    # what the sensor states share with the navigation error, then the sensor states themselves
-    for j in range(m):
+
+@kernel(inline=True)
+def cross_covariance(covariance: Array, block: Integers, transition: Array, top: Array) -> None:
+    """Write what the sensor states share with the navigation error: columns of `top` times F_s'."""
+    s = 264
+    for j in range(block.shape[0]):
         first, size = block[j, 0], block[j, 1]
         if size == 1:
             own = transition[j, 0]
@@ -255,18 +241,29 @@ def propagate_covariance(
                     value += transition[j, q] * top[i * s + 9 + first + q]
                 covariance[i, 9 + j] = value
                 covariance[9 + j, i] = value
-    sensor_covariance(covariance, block, transition, noise, rows)
 
-    # C W C' dt of both triads
-    for part in range(2):
-        first = 3 + 3 * part
-        for i in range(3):
-            c0, c1, c2 = rotation[i, 0] * dt, rotation[i, 1] * dt, rotation[i, 2] * dt
-            w0 = c0 * white[part, 0, 0] + c1 * white[part, 1, 0] + c2 * white[part, 2, 0]
-            w1 = c0 * white[part, 0, 1] + c1 * white[part, 1, 1] + c2 * white[part, 2, 1]
-            w2 = c0 * white[part, 0, 2] + c1 * white[part, 1, 2] + c2 * white[part, 2, 2]
-            for k in range(i + 1):
-                value = w0 * rotation[k, 0] + w1 * rotation[k, 1] + w2 * rotation[k, 2]
-                covariance[first + i, first + k] += value
-                if k != i:
-                    covariance[first + k, first + i] += value
+
+@kernel()
+def propagate_covariance(state: FilterState, model: SensorModel, work: Work, dt: float) -> None:
+    """P <- F P F' + Q over one step, in place. Spec 7.2 and 7.3."""
+    s = 264
+    covariance, rows, errors = state.covariance, work.rows, work.errors
+    rotation, earth, transport = state.rotation, state.earth, state.transport
+    n = covariance.shape[0]
+    for i in range(9):
+        for k in range(n):
+            rows[i * s + k] = covariance[i, k]
+    channel_rows(covariance, model.channel, work.shown, n, errors)
+    navigation_rows(rows, errors, work.top, n, dt, rotation, earth, transport)
+    for i in range(9):
+        for k in range(9):
+            rows[k * s + i] = work.top[i * s + k]
+    channel_columns(model, work)
+    navigation_rows(rows, errors, work.block_top, 9, dt, rotation, earth, transport)
+    for i in range(9):
+        for k in range(i + 1):
+            covariance[i, k] = work.block_top[i * s + k]
+            covariance[k, i] = work.block_top[i * s + k]
+    cross_covariance(covariance, model.block, state.transition, work.top)
+    sensor_covariance(covariance, model.block, state.transition, state.noise, rows)
+    add_white_noise(covariance, rotation, work.white, dt)

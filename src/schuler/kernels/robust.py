@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
+from schuler.kernels.filter_data import Measurement
 
 Array = NDArray[np.float64]
 
@@ -51,29 +52,26 @@ def scale_noise(kind: int, robustness: Array, adapted: Array, variance: Array) -
         variance[i] *= factor
 
 
-@kernel(inline=True)
+@kernel()
 def adapt_noise(
     kind: int,
     robustness: Array,
     nis: float,
     degrees: int,
-    claimed: Array,
-    residual: Array,
-    design: Array,
-    error: Array,
+    z: Measurement,
     covariance: Array,
     adapted: Array,
 ) -> None:
-    """Take an update into the distribution of the factor on the claimed variances (3,).
+    """Take an update into the distribution of the factor on the claimed variances.
 
     What is left of a residual after the update, squared, plus H P H' after it, has the variance
     of the noise as its mean. A measurement that is doubted counts as one at the limit, whether it
-    was used or refused (then `error` is zero): so noise that is far too small can grow, and a few
-    wrong fixes do not count for much.
+    was used or refused (then its `error` is zero): so noise that is far too small can grow, and a
+    few wrong fixes do not count for much.
     """
     if robustness[4] == 0.0:
         return
-    n = design.shape[1]
+    n = z.design.shape[1]
     if adapted[2 * kind] == 0.0:
         adapted[2 * kind] = 1.5 * robustness[5]
         adapted[2 * kind + 1] = 1.5 * robustness[5]
@@ -81,17 +79,17 @@ def adapt_noise(
     adapted[2 * kind] *= robustness[4]
     adapted[2 * kind + 1] *= robustness[4]
     for i in range(3):
-        if not math.isfinite(claimed[i]):
+        if not math.isfinite(z.variance[i]):
             continue
-        left = residual[i]
+        left = z.residual[i]
         spread = 0.0
         for k in range(n):
-            h = design[i, k]
+            h = z.design[i, k]
             if h == 0.0:
                 continue
-            left -= h * error[k]
+            left -= h * z.error[k]
             for q in range(n):
-                if design[i, q] != 0.0:
-                    spread += h * covariance[k, q] * design[i, q]
+                if z.design[i, q] != 0.0:
+                    spread += h * covariance[k, q] * z.design[i, q]
         adapted[2 * kind] += 0.5
-        adapted[2 * kind + 1] += 0.5 * weight * (left * left + spread) / claimed[i]
+        adapted[2 * kind + 1] += 0.5 * weight * (left * left + spread) / z.variance[i]

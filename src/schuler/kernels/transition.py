@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
 from schuler.kernels.covariance import navigation_rows
+from schuler.kernels.filter_data import FilterState, SensorModel, Work
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -172,7 +173,9 @@ def raise_blocks(
                         value += drift[first + i, q] * total[q, k]
                         spread += drift[first + i, q] * noise[q, k]
                     left[i, k], half[i, k] = value, spread
-            total[:] = left
+            for i in range(size):
+                for k in range(size):
+                    total[i, k] = left[i, k]
             for i in range(size):
                 for k in range(i + 1):
                     value = diffusion[first + i, k]
@@ -180,8 +183,10 @@ def raise_blocks(
                         value += half[i, q] * drift[first + k, q]
                     noise[i, k] = value
                     noise[k, i] = value
-        power[first : first + size, :size] = total
-        power_noise[first : first + size, :size] = noise
+        for i in range(size):
+            for k in range(size):
+                power[first + i, k] = total[i, k]
+                power_noise[first + i, k] = noise[i, k]
     return changed
 
 
@@ -230,26 +235,29 @@ def move_sensor_states(
 
 
 @kernel(inline=True)
-def accumulate_transition(
-    top: Array,
-    sensor: Array,
-    dt: float,
-    rotation: Array,
-    earth: Array,
-    transport: Array,
-    channel: Integers,
-    direction: Array,
-    block: Integers,
-    transition: Array,
-    errors: Array,
-    work: Array,
-) -> None:
-    """Left-multiply the accumulated transition by that of one step, in place.
+def multiply_blocks(sensor: Array, block: Integers, transition: Array, work: Array) -> None:
+    """Left-multiply the blocks of the sensor states (m, w) by those of one step, in place."""
+    for j in range(block.shape[0]):
+        first, size = block[j, 0], block[j, 1]
+        if size == 1:
+            sensor[j, 0] *= transition[j, 0]
+        elif first == j:
+            for k in range(size):
+                for q in range(size):
+                    work[q] = sensor[j + q, k]
+                for i in range(size):
+                    value = 0.0
+                    for q in range(size):
+                        value += transition[j + i, q] * work[q]
+                    sensor[j + i, k] = value
 
-    The transition is kept as its nine navigation rows `top` (9 rows of 264) and the blocks of
-    the sensor states `sensor` (m, w); `errors` and `work` of 6 and 9 rows of 264.
-    """
+
+@kernel()
+def accumulate_transition(state: FilterState, model: SensorModel, work: Work, dt: float) -> None:
+    """Left-multiply the transition since the last node by that of one step, in place."""
     s = 264
+    top, sensor, errors, direction = state.node_top, state.node_sensor, work.errors, work.shown
+    channel, block = model.channel, model.block
     m = sensor.shape[0]
     # states behind the last that shows in a channel change nothing of navigation
     n = 9
@@ -271,31 +279,21 @@ def accumulate_transition(
                 base = 0 if c < 3 else 3
                 for i in range(3):
                     errors[(base + i) * s + 9 + first + q] += direction[j, i] * sensor[j, q]
-    navigation_rows(top, errors, work, n, dt, rotation, earth, transport)
+    navigation_rows(top, errors, work.top, n, dt, state.rotation, state.earth, state.transport)
     for i in range(9):
         for k in range(n):
-            top[i * s + k] = work[i * s + k]
-    for j in range(m):
-        first, size = block[j, 0], block[j, 1]
-        if size == 1:
-            sensor[j, 0] *= transition[j, 0]
-        elif first == j:
-            for k in range(size):
-                for q in range(size):
-                    work[q] = sensor[j + q, k]
-                for i in range(size):
-                    value = 0.0
-                    for q in range(size):
-                        value += transition[j + i, q] * work[q]
-                    sensor[j + i, k] = value
+            top[i * s + k] = work.top[i * s + k]
+    multiply_blocks(sensor, block, state.transition, work.top)
 
 
 @kernel(inline=True)
 def reset_transition(top: Array, sensor: Array, block: Integers) -> None:
     """Set the accumulated transition to the identity."""
-    top[:] = 0.0
+    for i in range(top.size):
+        top[i] = 0.0
     for i in range(9):
         top[i * 264 + i] = 1.0
-    sensor[:, :] = 0.0
-    for j in range(block.shape[0]):
+    for j in range(sensor.shape[0]):
+        for q in range(sensor.shape[1]):
+            sensor[j, q] = 0.0
         sensor[j, j - block[j, 0]] = 1.0

@@ -26,6 +26,14 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+@kernel(inline=True)
+def clear(design: Array) -> None:
+    """Set to zero."""
+    for i in range(design.shape[0]):
+        for k in range(design.shape[1]):
+            design[i, k] = 0.0
+
+
 @kernel()
 def measurement_model(
     kind: int,
@@ -46,9 +54,7 @@ def measurement_model(
     with respect to n, in the body frame, rad/s.
     """
     n = design.shape[1]
-    for i in range(3):
-        for k in range(n):
-            design[i, k] = 0.0
+    clear(design)
     if kind == 0:
         x, y, z = lever_arm[0], lever_arm[1], lever_arm[2]
     else:

@@ -7,17 +7,16 @@ whole interval (kernels/smoother.py).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError, NavigationError
+from schuler.kernels.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.engine import FilterRun, NodeStretch
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.smoother import SmoothedRun, corrected_samples
-from schuler.navigation.stepping import sample_arrays
 from schuler.types import FloatArray, IntArray
 
 
@@ -220,9 +219,13 @@ def _piece_by_piece(
         smooth_run_with_lag(piece, model, time[a:b], lag)
         for piece, a, b in zip(run.pieces, edges[:-1], edges[1:], strict=True)
     ]
-    samples = [sample_arrays(s.samples) for s in own]
     return SmoothedRun(
-        samples=SampleOutputs(*(np.concatenate(field) for field in zip(*samples, strict=True))),
+        samples=SampleOutputs(
+            *(
+                np.concatenate([getattr(s.samples, f.name) for s in own])
+                for f in fields(SampleOutputs)
+            )
+        ),
         sensor_state=np.concatenate([s.sensor_state for s in own]),
         sensor_sd=np.concatenate([s.sensor_sd for s in own]),
     )

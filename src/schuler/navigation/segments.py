@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
+from schuler.kernels.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import FilterRun, run_engine
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.stepping import InitialState
 from schuler.types import FloatArray
 

@@ -158,6 +158,6 @@ def corrected_samples(
         velocity=samples.velocity - error[:, 3:6],
         rotation=dcm_from_rotation_vector(error[:, 6:9]) @ samples.rotation,
         position_covariance=position_covariance,
-        velocity_sd=sd[:, 3:6],
-        attitude_sd=sd[:, 6:9],
+        velocity_sd=np.ascontiguousarray(sd[:, 3:6]),
+        attitude_sd=np.ascontiguousarray(sd[:, 6:9]),
     )

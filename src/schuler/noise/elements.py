@@ -49,7 +49,11 @@ class Elements:
 
 
 def imitation(allan_variance: Callable[[FloatArray], FloatArray], dt: float) -> Elements:
-    """White and Gauss-Markov noises whose Allan variances come nearest to those of a process."""
+    """White and Gauss-Markov noises whose Allan variances come nearest to those of a process.
+
+    Their sums rise and fall no faster than the cluster time; where the process does, its least
+    majorant that does not is imitated.
+    """
     from scipy.optimize import nnls
 
     clusters = np.unique(np.round(np.geomspace(1.0, _LONGEST, _TAUS)))
@@ -57,7 +61,9 @@ def imitation(allan_variance: Callable[[FloatArray], FloatArray], dt: float) -> 
     seen = wanted > 0.0
     if not seen.any():
         return Elements()
-    x, target = clusters[seen], wanted[seen]
+    x = clusters[seen]
+    target = np.maximum.accumulate((wanted[seen] / x)[::-1])[::-1] * x
+    target = np.maximum.accumulate(target * x) / x
     times = np.geomspace(1.0, _LONGEST, round(np.log10(_LONGEST) * _PER_DECADE) + 1)
     ratio = x[:, None] / times
     rise = -np.expm1(-ratio)

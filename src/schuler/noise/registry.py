@@ -30,9 +30,9 @@ def enrol(cls: type[Process]) -> None:
             f"{cls.__qualname__}.kind is {kind!r}", expected="a name such as 'gauss_markov'"
         )
     known = _CLASSES.get(kind)
-    if known is not None and (known.__module__, known.__qualname__) != (
+    if known is not None and (known.__module__, known.__name__) != (
         cls.__module__,
-        cls.__qualname__,
+        cls.__name__,
     ):
         raise ModelError(
             f"{cls.__qualname__}.kind is '{kind}', which {known.__module__}.{known.__qualname__} "

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
-from schuler.screening.screen import Finding
+from schuler.screening.finding import Finding
 from schuler.screening.values import grid_step
 from schuler.types import FloatArray
 

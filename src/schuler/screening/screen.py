@@ -7,65 +7,19 @@ makes up a sample.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.errors import InputError
+from schuler.screening import motion, rows, stuck, values
+from schuler.screening.finding import Finding
 
-Severity = Literal["info", "warning", "error"]
+__all__ = ["Finding", "Screening", "clean_segments", "repair", "screen"]
+
 _SHOWN = 5  # intervals named in a message
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing that was seen.
-
-    Parameters
-    ----------
-    kind : str
-        "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "saturation", "knock",
-        "outlier", "heavy tails", "units", "gravity", "grid", "rest", "channels", "source of rate".
-    severity : {"info", "warning", "error"}
-        An error makes results wrong; a warning can.
-    message : str
-        In plain words, with numbers.
-    channels : tuple of str
-        Channels concerned; empty: all.
-    intervals : tuple of (float, float)
-        First and last second concerned, on the recording's time axis.
-    value : float or None
-        The number behind it, SI.
-    cure : str
-        What the user can do about it; empty where the message says all.
-    """
-
-    kind: str
-    severity: Severity
-    message: str
-    channels: tuple[str, ...] = ()
-    intervals: tuple[tuple[float, float], ...] = ()
-    value: float | None = None
-    cure: str = ""
-
-    @property
-    def text(self) -> str:
-        """Message and cure in one line."""
-        return f"{self.message}; {self.cure}" if self.cure else self.message
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        return {
-            "kind": self.kind,
-            "severity": self.severity,
-            "message": self.message,
-            "channels": list(self.channels),
-            "intervals_s": [list(i) for i in self.intervals],
-            "value": self.value,
-            "cure": self.cure,
-        }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,8 +139,6 @@ def screen(imu: ImuRecording) -> Screening:
     than 0.5 % of the samples are beyond 4 of them has heavy tails; its own outliers are then its
     noise and no knocks.
     """
-    from schuler.screening import motion, rows, stuck, values
-
     steps = rows.look_at_steps(imu)
     repeated = rows.repeated_rows(imu)
     still = motion.look_at_rest(imu, steps.rate)

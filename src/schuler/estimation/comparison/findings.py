@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.spectrum import SpectrumCurve
 from schuler.errors import ModelError
 from schuler.estimation.arma.fit import ArmaFit

@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.curves.allan import AllanCurve, allan_deviation
+from schuler.curves.allan import allan_deviation
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
 from schuler.data.imu import ImuRecording
 from schuler.errors import EstimationError, InputError, SchulerError

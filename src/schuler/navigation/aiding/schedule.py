@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
+from schuler.kernels.filter_data import AIDING_ROW
 from schuler.types import FloatArray
 
 if TYPE_CHECKING:
@@ -106,6 +107,15 @@ class AidingSchedule:
     def size(self) -> int:
         """Number of measurements."""
         return int(self.time.size)
+
+    def table(self) -> NDArray[np.void]:
+        """Return the measurements as rows of `AIDING_ROW`, as the kernel wants them."""
+        rows = np.zeros(self.size, dtype=AIDING_ROW)
+        rows["time"], rows["kind"] = self.time, self.kind
+        rows["value"], rows["variance"] = self.value, self.variance
+        rows["lever"], rows["offset"] = self.lever_arm, self.offset_state
+        rows["matrix"] = self.matrix
+        return rows
 
     def select(self, keep: NDArray[np.bool_] | slice) -> AidingSchedule:
         """Return some of the measurements."""

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
+from schuler.kernels.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.aiding.schedule import (
     VEHICLE_VELOCITY,
     AidingSchedule,
@@ -37,17 +38,13 @@ from schuler.navigation.aiding.wheel_lines import (
 )
 from schuler.navigation.engine import asked_at, diverged, fill_row
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.segments import RunSegment
 from schuler.navigation.stepping import (
-    NO_SCALE,
     FilterStepper,
     InitialState,
     VehicleStates,
-    aiding_arrays,
-    measurement_arrays,
-    node_arrays,
-    sample_arrays,
+    kernel_samples,
+    kernel_schedule,
 )
 from schuler.types import FloatArray
 
@@ -215,45 +212,39 @@ def _filtered_blocks(
     wheel = (whole.kind == VEHICLE_VELOCITY) & ~np.isfinite(whole.variance).any(axis=1)
     rows = np.flatnonzero(wheel & np.isin(whole.time, due))
     stepper = FilterStepper(run.start, model, gate=gate, vehicle=vehicle, node_interval=1e9)
-    measurements = measurement_arrays(whole, model.size)
-    aiding = AidingOutputs.empty(whole.size, 0, stepper.size)
-    nodes = NodeOutputs.empty(whole.size + 3, 0, stepper.size, stepper.width)
-    scale = NO_SCALE if run.white_scale is None else np.ascontiguousarray(run.white_scale)
-    asked = asked_at(imu.time, whole)
+    filter_ = stepper.filter(
+        kernel_samples(imu, run.white_scale),
+        kernel_schedule(whole, model.size),
+        SampleOutputs.empty(imu.size),
+        AidingOutputs.empty(whole.size, 0, stepper.size),
+        NodeOutputs.empty(whole.size + 3, 0, stepper.size, stepper.width),
+    )
+    table, asked = filter_.schedule.rows, asked_at(imu.time, whole)
     stops = sorted(asked)
     first, told = 0, False
     for last, row in zip(ends, rows, strict=True):
         own = slice(first, int(last) + 1)
-        samples = SampleOutputs.empty(own.stop - own.start)
-        tail = stepper.tail(
-            measurements, sample_arrays(samples), aiding_arrays(aiding), node_arrays(nodes)
-        )
         inner = (k for k in stops if own.start < k < own.stop)
         for begin, stop in pairwise([own.start, *inner, own.stop]):
             for u in asked.get(begin, ()):
-                fill_row(whole, u, stepper)
-            part = slice(begin, stop)
-            bad = stepper.advance(
-                imu.time[part],
-                imu.gyro[part],
-                imu.accel[part],
-                scale[part] if scale.size else scale,
-                False,
-                tail,
-                begin - own.start,
-            )
+                fill_row(whole, u, filter_)
+            bad = stepper.advance(filter_, begin, stop, whole.size)
             if bad >= 0:
-                raise diverged(imu, begin + bad)
-        first, position = own.stop, stepper.views()
+                raise diverged(imu, bad)
+        first = own.stop
 
         def tell(speed: float, sd: float, row: int = int(row)) -> None:
             nonlocal told
             told = True
-            whole.value[row, 0], whole.variance[row, 0] = speed, sd**2
+            table["value"][row, 0], table["variance"][row, 0] = speed, sd**2
 
         before, told = told, False
         yield _FilteredBlock(
-            samples.velocity, before, InitialState(*position), float(whole.time[row]), tell
+            filter_.outputs.velocity[own],
+            before,
+            InitialState(*stepper.copies()),
+            float(whole.time[row]),
+            tell,
         )
 
 

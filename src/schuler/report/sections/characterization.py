@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.data.imu import CHANNELS
 from schuler.estimation.characterization import ImuCharacterization
 from schuler.estimation.identification import Identification
