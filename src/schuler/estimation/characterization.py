@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -62,9 +62,7 @@ class ImuCharacterization:
         }
 
 
-def characterize_imu(
-    imu: ImuRecording, model: Literal["auto", "classical"] | Process = "auto"
-) -> ImuCharacterization:
+def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCharacterization:
     """Identify the noise of every channel of a recording at rest.
 
     Parameters

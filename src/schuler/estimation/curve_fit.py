@@ -66,7 +66,7 @@ class CurvePoints:
 
     def of(self, process: Process) -> FloatArray:
         """Allan variance of a process at the points."""
-        return process.allan_variance(self.tau)
+        return process.sampled_allan_variance(self.factors, self.dt)
 
     def under(self, part: Process, share: float = 0.5) -> Process:
         """Give a part a size at which it is nowhere above a share of the variance."""

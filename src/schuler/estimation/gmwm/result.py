@@ -75,7 +75,7 @@ def describe_fit(
     points = pooled_points(curves)
     shown = longest.allan
     p_value = float(chdtrc(max(fit.degrees_of_freedom, 1), fit.cost))
-    model = process.wavelet_variance(points.tau)
+    model = 0.5 * points.of(process)
     return GmwmIdentification(
         process=process,
         standard_errors=found.errors,
