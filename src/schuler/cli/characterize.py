@@ -31,6 +31,8 @@ def characterize(
     repair: bool = False,
     strict: bool = False,
     method: tuple[str, ...] = (),
+    model: str = "auto",
+    rest: bool = False,
     reading: Annotated[ImuReading | None, Parameter(name="*")] = None,
 ) -> int:
     """Find the noise model of an IMU from a log of it lying still.
@@ -61,37 +63,48 @@ def characterize(
         How to find the noise: allan (the usual one), slope, psd, autocorrelation, gmwm,
         gmwm-robust, ml, ar, ar-covariance, ar-yule-walker, arma, fos, garch, or all. Given more
         than once, the methods are compared; noise model and Kalibr file come from the first.
+    model : str
+        Which processes to fit: auto (chosen by the data), classical (W+B+K), or letters such as
+        W+G+K: W white noise, Q quantisation, B bias instability, G Gauss-Markov (up to three),
+        K random walk, R ramp.
+    rest : bool
+        Use only the longest rest of a log in which the sensor was moved.
     reading : ImuReading, optional
         How to read the file.
     """
     from schuler.cli.console import Screen, say
     from schuler.cli.loading import load_imu, say_when_compiling, title_of
-    from schuler.cli.methods import MethodFiles, chosen_methods, compare_and_write
+    from schuler.cli.methods import MethodFiles, add_kalibr, chosen_methods, compare_and_write
     from schuler.cli.outputs import STDOUT, Outputs, json_text
     from schuler.cli.provenance import command_provenance
+    from schuler.estimation.parts import checked_model
     from schuler.execution.progress import progress
+    from schuler.screening.screen import longest_rest, screen
     from schuler.screening.screen import repair as repair_recording
-    from schuler.screening.screen import screen
 
     outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
     methods = chosen_methods(method, needs_model=noise_out is not None or kalibr is not None)
+    model = str(checked_model(model))
     imu = load_imu(file, (reading or ImuReading()).options(repair=repair))
     say_when_compiling()
     with progress("Screening"):
         screening = screen(imu)
         screening.require_usable()
+        if rest:
+            imu = longest_rest(imu, screening)
+            screening = screen(imu)
         if repair:
             imu = repair_recording(imu, screening, close_up=True)
     if methods:
         return compare_and_write(
             imu, screening, methods, MethodFiles(file, report, json, noise_out, kalibr, topic),
-            outputs, strict=strict and not repair,
+            outputs, strict=strict and not repair, model=model,
         )  # fmt: skip
     with progress("Fitting the noise of every channel"):
         from schuler.estimation.characterization import characterize_imu
 
-        result = characterize_imu(imu)
-    origin = command_provenance(inputs=(file,), settings={"repair": repair})
+        result = characterize_imu(imu, model)
+    origin = command_provenance(inputs=(file,), settings={"repair": repair, "model": model})
     if report is not None:
         from schuler.report import render_report
 
@@ -106,14 +119,13 @@ def characterize(
     more = {"screening": screening.to_dict(), "provenance": origin.to_dict()}
     outputs.text(json, lambda: json_text(result.to_dict() | more))
     outputs.text(noise_out, result.noise_model.to_yaml)
-    if kalibr is not None:
-        from schuler.io.kalibr import kalibr_yaml
-
-        text = kalibr_yaml(result.noise_model, rate=imu.rate, topic=topic)
-        outputs.text(kalibr, lambda: text)
+    refused = add_kalibr(outputs, kalibr, result.noise_model, imu.rate, topic)
     written = outputs.commit()
     terminal = Screen(json_on_stdout=json == STDOUT)
     show_characterization(terminal, result, screening, written, repaired=repair)
+    if refused:
+        say(refused)
+        return 1
     watch = sum(f.severity != "info" for f in screening.findings)
     if strict and watch and not repair:
         say(f"check failed: {watch} finding{'' if watch == 1 else 's'} to watch")
@@ -130,12 +142,20 @@ def show_characterization(
     repaired: bool = False,
 ) -> None:
     """Print the noise model and what to think of it."""
+    from schuler.report.sections.ieee952 import ieee952_rows, plateau_note
     from schuler.report.sections.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")
+    if not screening.static:
+        screen.finding("warning", moved_words(screening))
     narrow = screen.console.width < NARROW
     columns, rows = parameter_rows(result.noise_model, "datasheet", short=True, compact=narrow)
     screen.table(columns, rows, words=2)
+    coefficients = {c: found.ieee952 for c, found in result.channels.items()}
+    columns, rows = ieee952_rows(coefficients, "datasheet", compact=narrow)
+    screen.table(columns, rows, words=2)
+    if note := plateau_note(coefficients):
+        screen.line(note, "dim")
     for text in result.findings:
         screen.finding("info", text)
     serious = [f for f in screening.findings if f.severity != "info"]
@@ -147,3 +167,16 @@ def show_characterization(
         screen.line("--repair cuts out knocks and outliers before the fit.", "dim")
     for path in written:
         screen.line(f"wrote {path}", "dim")
+
+
+def moved_words(screening: Screening) -> str:
+    """Say that a log is not one at rest, and what helps."""
+    from schuler.estimation.record import spell_duration
+
+    longest = max((b - a for a, b in screening.rest), default=0.0)
+    if longest <= 0.0:
+        return "the sensor does not lie still: these numbers hold motion as well as noise"
+    return (
+        "the sensor was moved: these numbers hold motion as well as noise; --rest takes only its "
+        f"longest rest, {spell_duration(longest)}"
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schuler.errors import EstimationError, InputError
+from schuler.errors import EstimationError, InputError, SchulerError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
@@ -67,6 +67,7 @@ def compare_and_write(
     outputs: Outputs,
     *,
     strict: bool,
+    model: str = "auto",
 ) -> int:
     """Put the methods to every channel, write what was asked for, show the rest."""
     from schuler.cli.console import Screen, say
@@ -82,8 +83,11 @@ def compare_and_write(
             shown.say(what)
             shown.share(share)
 
-        comparison = compare_methods_imu(imu, methods, told=told)
-    origin = command_provenance(inputs=(files.file,), settings={"methods": list(methods)})
+        wanted = "shared" if model == "auto" else model
+        comparison = compare_methods_imu(imu, methods, model=wanted, told=told)
+    origin = command_provenance(
+        inputs=(files.file,), settings={"methods": list(methods), "model": model}
+    )
     if files.report is not None:
         from schuler.report import render_report
 
@@ -94,16 +98,19 @@ def compare_and_write(
         outputs.text(files.report, lambda: page)
     more = {"screening": screening.to_dict(), "provenance": origin.to_dict()}
     outputs.text(files.json, lambda: json_text(_to_dict(comparison, methods[0]) | more))
+    refused = ""
     if files.noise_out is not None or files.kalibr is not None:
-        model = noise_model_of(comparison, methods[0])
-        outputs.text(files.noise_out, model.to_yaml)
-        if files.kalibr is not None:
-            from schuler.io.kalibr import kalibr_yaml
-
-            text = kalibr_yaml(model, rate=imu.rate, topic=files.topic)
-            outputs.text(files.kalibr, lambda: text)
+        try:
+            found = noise_model_of(comparison, methods[0])
+            outputs.text(files.noise_out, found.to_yaml)
+            refused = add_kalibr(outputs, files.kalibr, found, imu.rate, files.topic)
+        except SchulerError as error:
+            refused = f"no noise model was written: {error}"
     written = outputs.commit()
     show_methods(Screen(json_on_stdout=files.json == STDOUT), comparison, written)
+    if refused:
+        say(refused)
+        return 1
     watch = sum(f.severity != "info" for f in screening.findings)
     if strict and watch:
         say(f"check failed: {watch} finding{'' if watch == 1 else 's'} to watch")
@@ -111,8 +118,26 @@ def compare_and_write(
     return 0
 
 
+def add_kalibr(
+    outputs: Outputs, path: Path | None, model: NoiseModel, rate: float, topic: str
+) -> str:
+    """Hand a Kalibr file to the outputs, or return why there is none."""
+    from schuler.io.kalibr import kalibr_yaml
+
+    if path is None:
+        return ""
+    try:
+        text = kalibr_yaml(model, rate=rate, topic=topic)
+    except SchulerError as error:
+        return f"{path.name} was not written: {error}"
+    outputs.text(path, lambda: text)
+    return ""
+
+
 def _to_dict(comparison: ImuMethodComparison, first: str) -> dict[str, Any]:
     """Channels as the first method finds them, then everything."""
+    from schuler.estimation.ieee952 import ieee952_to_dict
+
     return {
         "recording": comparison.recording_name,
         "rate_hz": comparison.rate,
@@ -121,6 +146,11 @@ def _to_dict(comparison: ImuMethodComparison, first: str) -> dict[str, Any]:
         "channels": {
             name: c.results[first].to_dict() if first in c.results else None
             for name, c in comparison.channels.items()
+        },
+        "ieee952": {
+            name: ieee952_to_dict(c.results[first].ieee952)
+            for name, c in comparison.channels.items()
+            if first in c.results
         },
         "findings": list(comparison.findings),
         "methods": comparison.to_dict()["channels"],

@@ -16,17 +16,17 @@ from schuler.estimation.curve_fit import (
     Scatter,
     StructureFit,
     fit_structure,
-    log_jacobian,
+    limits_of,
     scatter_of,
     scattering,
     thin,
 )
 from schuler.estimation.identification import FitDiagnostics, Identification
-from schuler.estimation.parts import estimates_of, free_parameters, is_structure, parts_of_model
+from schuler.estimation.parts import estimates_of, is_structure, parts_of_model
 from schuler.estimation.record import judge_record
 from schuler.estimation.selection import from_several_starts, rough_process, select_structure
 from schuler.estimation.slopes import slope_method
-from schuler.noise import BiasInstability, Process, Quantization, RandomWalk, RateRamp
+from schuler.noise import Process
 from schuler.types import FloatArray
 
 _POINTS_PER_DECADE = 5.0
@@ -77,7 +77,7 @@ def identify_curve(curve: AllanCurve, model: str | Process = "auto") -> Identifi
         process=fit.process,
         standard_errors=found.errors,
         intervals=found.intervals,
-        limits={**_limits(fit, points, scatter), **found.limits},
+        limits={**limits_of(fit, points, scatter), **found.limits},
         curve=_usual_part(curve),
         diagnostics=FitDiagnostics(
             chi_square=fit.cost,
@@ -167,28 +167,6 @@ def _discrepancy(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> fl
         again = fit_structure(fit.parts, points, scatter.with_discrepancy(middle), iterations=25)
         low, high = (middle, high) if again.cost > freedom else (low, middle)
     return math.sqrt(low * high)
-
-
-def _limits(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> dict[str, float]:
-    """95 % upper limits of the terms that are not in the model, all others being free."""
-    model = points.of(fit.process)
-    known = scatter.whitener @ log_jacobian(fit, points)
-    residual = scatter.whitener @ fit.residuals
-    limits: dict[str, float] = {}
-    flicker = BiasInstability.of_samples(1.0, points.dt, points.duration)
-    for term in (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0), flicker):
-        if term.kind in fit.kinds:
-            continue
-        # linear in the square of the amplitude, which may come out on either side of zero
-        column = scatter.whitener @ (points.of(term) / model)
-        free = column - known @ np.linalg.lstsq(known, column, rcond=1e-10)[0]
-        information = float(free @ free)
-        if information <= 0.0:
-            continue
-        square = max(float(free @ residual) / information, 0.0)
-        name = free_parameters([term])[0][1]
-        limits[f"{term.kind}.{name}"] = math.sqrt(square + 1.645 / math.sqrt(information))
-    return limits
 
 
 def _usual_part(curve: AllanCurve) -> AllanCurve:

@@ -17,11 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
+from schuler.estimation.curve_fit import limits_of
 from schuler.estimation.gmwm.fit import fit_gmwm_curves, tail_ratio
-from schuler.estimation.gmwm.scatter import misfit, relative_covariance
+from schuler.estimation.gmwm.scatter import (
+    misfit,
+    pooled_points,
+    pooled_scatter,
+    relative_covariance,
+)
 from schuler.estimation.identification import FitDiagnostics, Identification
 from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.estimation.parts import (
+    FittedParts,
     Names,
     estimates_of,
     free_parameters,
@@ -324,6 +331,9 @@ def _result(
 ) -> LikelihoodIdentification:
     process = ProcessSum(found.parts)
     numbers = estimates_of(found.parts, found.names, found.covariance)
+    points = pooled_points([curve])
+    fitted = FittedParts(found.parts, found.names, found.covariance, 0.0, found.converged)
+    absent = limits_of(fitted, points, pooled_scatter(process, [curve], points))
     if not found.converged:
         flags.append("the search for the maximum did not converge")
     keep = curve.factors >= block
@@ -337,7 +347,7 @@ def _result(
         process=process,
         standard_errors=numbers.errors,
         intervals=numbers.intervals,
-        limits=numbers.limits,
+        limits={**absent, **numbers.limits},
         curve=curve.allan,
         diagnostics=FitDiagnostics(
             chi_square=chi_square,
