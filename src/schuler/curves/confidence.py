@@ -27,7 +27,7 @@ def allan_covariance(
     """Covariance of the logarithms of overlapping Allan variances, to first order."""
     from schuler.kernels.allan_covariance import relative_covariance
 
-    seen = process.elements(dt)
+    seen = process.elements(dt, samples * dt)
     out = np.zeros((factors.size, factors.size))
     relative_covariance(
         np.asarray(factors, dtype=np.int64),

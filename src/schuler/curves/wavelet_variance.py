@@ -22,6 +22,7 @@ from schuler.curves.robust import (
     robust_variance,
 )
 from schuler.errors import EstimationError, InputError
+from schuler.noise import Process
 from schuler.types import FloatArray
 
 RobustKind = Literal["", "samples", "coefficients"]
@@ -106,6 +107,10 @@ class WaveletVarianceCurve:
             rate=self.rate,
             samples=self.samples,
         )
+
+    def of(self, process: Process) -> FloatArray:
+        """Wavelet variance of samples of a process at the scales."""
+        return 0.5 * process.sampled_allan_variance(self.factors, 1.0 / self.rate)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON, in SI."""

@@ -18,7 +18,7 @@ from schuler.estimation.innovation_floor import (
     innovation_variance_of_signal,
 )
 from schuler.estimation.orthogonal_search.result import FosFit
-from schuler.estimation.series import prepare
+from schuler.estimation.signals import prepare
 from schuler.noise import Process
 from schuler.types import FloatArray, IntArray
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler.estimation.autoregressive.estimators import Orders, covariance
 from schuler.estimation.autoregressive.result import Caution, poles_of
-from schuler.estimation.series import Series
+from schuler.estimation.signals import Series
 from schuler.types import FloatArray
 
 _UNIT_ROOT = 14.1

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
-from schuler.estimation.series import Series, prepare
+from schuler.estimation.signals import Series, prepare
 from schuler.types import FloatArray, IntArray
 
 _BLOCK_NUMBERS = 2**18

@@ -11,6 +11,7 @@ from schuler.curves.allan_curve import AllanCurve
 from schuler.data.imu import CHANNELS
 from schuler.estimation.characterization import ImuCharacterization
 from schuler.estimation.identification import Identification
+from schuler.estimation.ieee952 import classical_reading
 from schuler.noise.base import Process
 from schuler.noise.gauss_markov import FLICKER_LEVEL
 from schuler.report.blocks import (
@@ -25,6 +26,7 @@ from schuler.report.blocks import (
 )
 from schuler.report.figures import Dash, axis, band, limits, line, marks
 from schuler.report.numbers import duration, number
+from schuler.report.sections.ieee952 import ieee952_rows, plateau_note
 from schuler.report.sections.parameters import parameter_rows
 from schuler.report.sections.recording import channel_title, pretty
 from schuler.report.sections.registry import register
@@ -72,7 +74,26 @@ def characterization_sections(result: ImuCharacterization) -> tuple[Section, ...
     columns, rows = parameter_rows(result.noise_model, "si")
     in_si = Table("The same in SI", columns, rows, words=(0, 1, 2), folded=True)
     findings = Findings(tuple(Finding("info", text) for text in result.findings))
-    blocks = (facts, _curves(found), table, in_si, findings, _verdicts(found), _slopes(found))
+    coefficients = {c: i.ieee952 for c, i in found.items()}
+    columns, rows = ieee952_rows(coefficients, "datasheet")
+    ieee = Table(
+        "N, B, K, Q, R of IEEE Std 952, fitted",
+        columns,
+        rows,
+        words=(0, 1, 2),
+        note="< : looked for and not found; 95 % upper limit. " + plateau_note(coefficients),
+    )
+    blocks = (
+        facts,
+        _curves(found),
+        ieee,
+        table,
+        in_si,
+        findings,
+        _verdicts(found),
+        _readings(found),
+        _slopes(found),
+    )
     return (Section("Noise", blocks, (*_headlines(result), *result.findings[:1])),)
 
 
@@ -219,6 +240,33 @@ def _verdicts(found: dict[str, Identification]) -> Table:
         ("channel", "parameter", "standard error", "record for 10 %", "enough"),
         tuple(rows),
         words=(0, 1),
+        folded=True,
+    )
+
+
+def _readings(found: dict[str, Identification]) -> Table:
+    """B as it is read off a curve by hand, under that name."""
+    rows = []
+    for channel, one in found.items():
+        kind = f"{channel.split('_')[0]} bias instability"
+        unit = kind_of(kind).datasheet
+        size = scale(unit, kind)
+        reading = classical_reading(one.curve, one.slopes, one.process)
+        rows.append(
+            (
+                channel_title(channel),
+                pretty(unit),
+                number(reading.minimum / size),
+                "" if reading.flat_run is None else number(reading.flat_run / size),
+                f"{100.0 * reading.flicker_share:.0f} %",
+            )
+        )
+    return Table(
+        "Classical reading of the bias instability (not the fitted B)",
+        ("channel", "unit", "lowest point / 0.664", "flat run / 0.664", "flicker at the lowest"),
+        tuple(rows),
+        words=(0, 1),
+        note="The lowest point bounds B from above even where there is no flicker at all.",
         folded=True,
     )
 
