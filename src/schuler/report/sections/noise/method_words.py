@@ -6,7 +6,7 @@ import re
 
 from schuler.data.imu import CHANNELS
 from schuler.noise.noise_model_file import parameter_kind
-from schuler.report.sections.parameters import WORDS
+from schuler.report.sections.noise.parameters import WORDS
 from schuler.report.sections.recording import channel_title, pretty
 from schuler.units import kind_of, scale
 
