@@ -124,8 +124,8 @@ def noise_model_of(comparison: ImuMethodComparison, method: str) -> NoiseModel:
 def show_methods(screen: Screen, comparison: ImuMethodComparison) -> None:
     """Print the parameters by method and what to think of them."""
     from schuler.report.numbers import duration
-    from schuler.report.sections.estimators import predictor_rows
-    from schuler.report.sections.methods import parameter_table, residual_words
+    from schuler.report.sections.noise.estimators import predictor_rows
+    from schuler.report.sections.noise.methods import parameter_table, residual_words
 
     screen.heading(
         f"Noise of {comparison.recording_name} by {', '.join(comparison.methods)}",

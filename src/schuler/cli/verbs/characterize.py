@@ -126,8 +126,8 @@ def show_characterization(
     screen: Screen, result: ImuCharacterization, screening: Screening, *, repaired: bool
 ) -> None:
     """Print the noise model and what to think of it."""
-    from schuler.report.sections.ieee952 import ieee952_rows, plateau_note
-    from schuler.report.sections.parameters import parameter_rows
+    from schuler.report.sections.noise.ieee952 import ieee952_rows, plateau_note
+    from schuler.report.sections.noise.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")
     if not screening.static:

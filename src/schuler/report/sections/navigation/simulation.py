@@ -6,19 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from schuler.report.blocks import (
-    Facts,
-    Figure,
-    FigureGrid,
-    Finding,
-    Findings,
-    LegendItem,
-    Section,
-    Table,
-)
+from schuler.report.blocks import Facts, FigureGrid, Finding, Findings, LegendItem, Section, Table
 from schuler.report.figures import axis, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import duration, number
-from schuler.report.sections.navigation import local_track, motion_figures, near_track
+from schuler.report.sections.navigation.run import local_track, motion_figures, near_track
 from schuler.report.sections.registry import register
 from schuler.simulation.scenario import SimulatedDrive
 
@@ -67,14 +59,15 @@ def _track(drive: SimulatedDrive) -> FigureGrid:
     east, north = local_track(drive.truth.position, origin)
     seen = near_track(drive.gnss.position, drive.truth.position)
     seen_east, seen_north = local_track(seen, origin)
-    figure = Figure(
+    figure = plot(
         "Track in local coordinates",
         "East against north from the first position, both axes to the same scale.",
         (
             marks(seen_east, seen_north, "@gnss", "GNSS", size=4),
             line(east, north, "@model", "truth", width=1.5, points=4000),
         ),
-        {"xaxis": axis("east in m"), "yaxis": axis("north in m", equal_to="x")},
+        axis("east in m"),
+        axis("north in m", equal_to="x"),
         height=560,
     )
     legend = (LegendItem("GNSS", "@gnss", "point"), LegendItem("truth", "@model"))

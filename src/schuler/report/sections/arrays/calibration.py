@@ -9,18 +9,9 @@ import numpy as np
 from schuler.arrays.calibration.disagreement import Disagreement
 from schuler.arrays.calibration.result import ArrayCalibration
 from schuler.arrays.calibration.review import CalibrationReview, Judgement, PhaseView, RateCurve
-from schuler.report.blocks import (
-    Block,
-    Facts,
-    Figure,
-    FigureGrid,
-    Finding,
-    Findings,
-    LegendItem,
-    Section,
-    Table,
-)
+from schuler.report.blocks import Block, Facts, FigureGrid, Findings, LegendItem, Section, Table
 from schuler.report.figures import axis, encode, limits, line, marks
+from schuler.report.makers import plot, remarks, spoken
 from schuler.report.numbers import MISSING, compact_with_error, number
 from schuler.report.sections.registry import register
 
@@ -45,7 +36,7 @@ def calibration_sections(result: CalibrationReview) -> tuple[Section, ...]:
     apart += [_judgement(j) for j in result.judgements]
     if result.phases is not None:
         apart.append(_phases(result.phases, one))
-    apart.append(Findings(tuple(Finding("info", f"{t[:1].upper()}{t[1:]}.") for t in one.findings)))
+    apart.append(Findings(remarks(map(spoken, one.findings))))
     return (
         Section("Sensors against their mean", tuple(apart), summary),
         Section("What was found", (_places(one), _table(one), *_matrices(one))),
@@ -103,10 +94,7 @@ def _facts(result: CalibrationReview) -> Facts:
 
 def _curves(curves: tuple[RateCurve, ...]) -> FigureGrid:
     figures = []
-    for quantity, words, unit in (
-        ("gyro", "Gyros", "deg/s"),
-        ("accel", "Accelerometers", "m/s²"),
-    ):
+    for quantity, words, unit in (("gyro", "Gyros", "deg/s"), ("accel", "Accelerometers", "m/s²")):
         chosen = [c for c in curves if c.quantity == quantity]
         if not chosen:
             continue
@@ -117,20 +105,11 @@ def _curves(curves: tuple[RateCurve, ...]) -> FigureGrid:
         ]
         ends = np.concatenate([factor * c.rms for c in chosen])
         rates = np.concatenate([np.degrees(c.rate[np.isfinite(c.rms)]) for c in chosen])
-        figures.append(
-            Figure(
-                f"{words} against the rate",
-                f"Rms of every {words.lower()[:-1]} minus the mean of all, by the mean rate, "
-                "before and after.",
-                tuple(traces),
-                {
-                    "xaxis": axis("mean rate in deg/s", log=True, limits=limits(rates, log=True)),
-                    "yaxis": axis(f"rms from the mean in {unit}", log=True,
-                                  limits=limits(ends, log=True)),
-                },
-                height=340,
-            )
-        )  # fmt: skip
+        x = axis("mean rate in deg/s", log=True, limits=limits(rates, log=True))
+        y = axis(f"rms from the mean in {unit}", log=True, limits=limits(ends, log=True))
+        text = f"Rms of every {words.lower()[:-1]} minus the mean of all, by the mean rate, "
+        text += "before and after."
+        figures.append(plot(f"{words} against the rate", text, traces, x, y, height=340))
     names = list(dict.fromkeys(c.name for c in curves))
     legend = tuple(LegendItem(n, CURVES[n]) for n in names)
     return FigureGrid(
@@ -180,7 +159,7 @@ def _phases(view: PhaseView, one: ArrayCalibration) -> FigureGrid:
         colour = IMU_COLOURS[i % len(IMU_COLOURS)]
         seen = 1e3 * view.seen[:, i]
         figures.append(
-            Figure(
+            plot(
                 f"{one.names[i]}: {one.beat[i]:+.2f} Hz",
                 f"Age of the samples of {one.names[i]} against the mean age: as single samples "
                 "show it (points) and as tracked (line).",
@@ -188,10 +167,8 @@ def _phases(view: PhaseView, one: ArrayCalibration) -> FigureGrid:
                     marks(view.time, seen, f"{colour}/0.55", "single samples", size=4),
                     line(view.time, 1e3 * view.delay[:, i], "@model", "tracked", width=1.2),
                 ),
-                {
-                    "xaxis": axis("time in s"),
-                    "yaxis": axis("age less the mean, ms", limits=(-1.1 * period, 1.1 * period)),
-                },
+                axis("time in s"),
+                axis("age less the mean, ms", limits=(-1.1 * period, 1.1 * period)),
                 height=240,
             )
         )
@@ -229,14 +206,12 @@ def _places(one: ArrayCalibration) -> FigureGrid:
         ]
         reach = 1.25 * float(np.abs(place).max() + 1e-9)
         figures.append(
-            Figure(
+            plot(
                 f"Where the accelerometers sit, {words}",
                 f"Lever arms of the IMUs in the body, {words}, with twice their standard error.",
-                tuple(traces),
-                {
-                    "xaxis": axis(f"{'xyz'[i]} in mm", limits=(-reach, reach)),
-                    "yaxis": axis(f"{'xyz'[j]} in mm", limits=(-reach, reach), equal_to="x"),
-                },
+                traces,
+                axis(f"{'xyz'[i]} in mm", limits=(-reach, reach)),
+                axis(f"{'xyz'[j]} in mm", limits=(-reach, reach), equal_to="x"),
                 height=380,
             )
         )

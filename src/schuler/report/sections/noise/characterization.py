@@ -14,20 +14,12 @@ from schuler.estimation.identification import Identification
 from schuler.estimation.ieee952 import classical_reading
 from schuler.noise.base import Process
 from schuler.noise.gauss_markov import FLICKER_LEVEL
-from schuler.report.blocks import (
-    Facts,
-    Figure,
-    FigureGrid,
-    Finding,
-    Findings,
-    LegendItem,
-    Section,
-    Table,
-)
+from schuler.report.blocks import Facts, Figure, FigureGrid, Findings, LegendItem, Section, Table
 from schuler.report.figures import Dash, axis, band, limits, line, marks
+from schuler.report.makers import plot, remarks
 from schuler.report.numbers import duration, number
-from schuler.report.sections.ieee952 import ieee952_rows, plateau_note
-from schuler.report.sections.parameters import parameter_rows
+from schuler.report.sections.noise.ieee952 import ieee952_rows, plateau_note
+from schuler.report.sections.noise.parameters import parameter_rows
 from schuler.report.sections.recording import channel_title, pretty
 from schuler.report.sections.registry import register
 from schuler.types import FloatArray
@@ -73,7 +65,7 @@ def characterization_sections(result: ImuCharacterization) -> tuple[Section, ...
     )
     columns, rows = parameter_rows(result.noise_model, "si")
     in_si = Table("The same in SI", columns, rows, words=(0, 1, 2), folded=True)
-    findings = Findings(tuple(Finding("info", text) for text in result.findings))
+    findings = Findings(remarks(result.findings))
     coefficients = {c: i.ieee952 for c, i in found.items()}
     columns, rows = ieee952_rows(coefficients, "datasheet")
     ieee = Table(
@@ -161,9 +153,7 @@ def _factor(sensor: str) -> float:
 
 
 def _curve(
-    channel: str,
-    found: Identification,
-    common: tuple[tuple[float, float], tuple[float, float]],
+    channel: str, found: Identification, common: tuple[tuple[float, float], tuple[float, float]]
 ) -> Figure:
     sensor = channel.split("_")[0]
     factor, unit = _factor(sensor), pretty(SHOWN_UNITS[sensor][1])
@@ -180,17 +170,15 @@ def _curve(
     traces.append(line(tau, _level(found.process, curve) / factor, "@model", "model", width=1.5))
     traces.append(_slope_marks(found, factor))
     lowest = int(np.argmin(curve.deviation))
-    return Figure(
+    return plot(
         channel_title(channel),
         f"Lowest {number(float(curve.deviation[lowest]) / factor)} {unit} at "
         f"{number(float(curve.tau[lowest]))} s; the model is the sum of "
         + ", ".join(_stroke(p)[0] for p in found.process.components)
         + ".",
-        tuple(traces),
-        {
-            "xaxis": axis("cluster time in s", log=True, limits=common[0]),
-            "yaxis": axis(f"Allan deviation in {unit}", log=True, limits=common[1]),
-        },
+        traces,
+        axis("cluster time in s", log=True, limits=common[0]),
+        axis(f"Allan deviation in {unit}", log=True, limits=common[1]),
         height=310,
     )
 

@@ -5,17 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.navigation.observability_run import RunObservability, observed_states
-from schuler.report.blocks import (
-    Facts,
-    Figure,
-    FigureGrid,
-    Finding,
-    Findings,
-    LegendItem,
-    Section,
-    Table,
-)
+from schuler.report.blocks import Facts, FigureGrid, Finding, Findings, LegendItem, Section, Table
 from schuler.report.figures import axis, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import number
 from schuler.report.sections.registry import register
 
@@ -40,22 +32,24 @@ def observability_sections(result: RunObservability) -> tuple[Section, ...]:
     )
     relative = np.maximum(matrix.relative, 1e-18)
     count = np.arange(1.0, size + 1.0)
-    singular = Figure(
+    singular = plot(
         "Singular values",
         "Of the total observability matrix, as shares of the largest.",
         (marks(count, relative, "@causal", "singular values", size=5),),
-        {"xaxis": axis("direction"), "yaxis": axis("share of the largest", log=True)},
+        axis("direction"),
+        axis("share of the largest", log=True),
         height=280,
     )
     information = np.maximum(result.information.information, 1e-12)
-    learnt = Figure(
+    learnt = plot(
         "Information against the prior",
         "Above one the measurements of the run outweigh what was known before.",
         (
             marks(count, information, "@smoothed", "information", size=5),
             line([1.0, float(size)], [1.0, 1.0], "@model", "prior", dash="dash"),
         ),
-        {"xaxis": axis("direction"), "yaxis": axis("times the prior", log=True)},
+        axis("direction"),
+        axis("times the prior", log=True),
         height=280,
     )
     step = max(result.time.size // 400, 1)
@@ -71,11 +65,12 @@ def observability_sections(result: RunObservability) -> tuple[Section, ...]:
             line(result.time[::step], value, "@gnss", "sensor errors", width=1.5, dash="dash")
         )
         legend.append(LegendItem("sensor errors", "@gnss", "dash"))
-    decay = Figure(
+    decay = plot(
         "Standard deviations as shares of the start",
         "What the filter has learnt, group by group.",
-        tuple(traces),
-        {"xaxis": axis("time in s"), "yaxis": axis("share of the start", log=True)},
+        traces,
+        axis("time in s"),
+        axis("share of the start", log=True),
         height=280,
     )
     rows = tuple(

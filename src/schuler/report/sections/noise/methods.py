@@ -14,7 +14,6 @@ from schuler.estimation.identify import METHODS
 from schuler.report.blocks import (
     Block,
     Facts,
-    Figure,
     FigureGrid,
     Finding,
     Findings,
@@ -23,11 +22,12 @@ from schuler.report.blocks import (
     Table,
 )
 from schuler.report.figures import Dash, axis, band, limits, line, marks
+from schuler.report.makers import channel_grid, plot
 from schuler.report.numbers import MISSING, compact_with_error, duration, number
-from schuler.report.sections.estimators import estimator_sections
-from schuler.report.sections.method_words import quantity, shown_name, unit_of
+from schuler.report.sections.noise.estimators import estimator_sections
+from schuler.report.sections.noise.method_words import quantity, shown_name, unit_of
+from schuler.report.sections.noise.residuals import residual_section
 from schuler.report.sections.registry import register
-from schuler.report.sections.residuals import residual_section
 from schuler.types import FloatArray
 
 Channels = dict[str, MethodComparison]
@@ -250,30 +250,25 @@ def _allan(channels: Channels, methods: list[str]) -> FigureGrid:
         traces.append(marks(curve.tau, curve.deviation / factor, "@data", "measured", size=3.5))
         traces += _lines(c, methods, curve.tau, lambda t: t.allan, factor)
         figures.append(
-            Figure(
+            plot(
                 shown_name(name),
                 f"Measured Allan deviation and that of {len(c.theory)} methods.",
-                tuple(traces),
-                {
-                    "xaxis": axis(
-                        "cluster time in s",
-                        log=True,
-                        limits=limits(curve.tau, log=True, margin=0.03),
-                    ),
-                    "yaxis": axis(
-                        f"Allan deviation{unit and f' in {unit}'}",
-                        log=True,
-                        limits=limits(curve.lower / factor, curve.upper / factor, log=True),
-                    ),
-                },
+                traces,
+                axis(
+                    "cluster time in s", log=True, limits=limits(curve.tau, log=True, margin=0.03)
+                ),
+                axis(
+                    f"Allan deviation{unit and f' in {unit}'}",
+                    log=True,
+                    limits=limits(curve.lower / factor, curve.upper / factor, log=True),
+                ),
                 height=310,
             )
         )
-    return FigureGrid(
-        tuple(figures),
+    return channel_grid(
+        figures,
         _legend(methods, "its 95 % interval"),
-        columns=3 if len(figures) > 1 else 1,
-        caption="Allan deviation: points are measured, lines are what the process of each method "
+        "Allan deviation: points are measured, lines are what the process of each method "
         "says it is.",
     )
 
@@ -298,26 +293,21 @@ def _allan_ratio(channels: Channels, methods: list[str]) -> FigureGrid:
             )
         ]
         figures.append(
-            Figure(
+            plot(
                 shown_name(name),
                 "Modelled over measured Allan deviation, in per cent.",
-                tuple(traces),
-                {
-                    "xaxis": axis(
-                        "cluster time in s",
-                        log=True,
-                        limits=limits(curve.tau, log=True, margin=0.03),
-                    ),
-                    "yaxis": axis("model above data in %", limits=(-40.0, 40.0)),
-                },
+                traces,
+                axis(
+                    "cluster time in s", log=True, limits=limits(curve.tau, log=True, margin=0.03)
+                ),
+                axis("model above data in %", limits=(-40.0, 40.0)),
                 height=260,
             )
         )
-    return FigureGrid(
-        tuple(figures),
+    return channel_grid(
+        figures,
         _legend(methods, "95 % interval of the data")[1:],
-        columns=3 if len(figures) > 1 else 1,
-        caption="The same as a ratio, which shows what a logarithmic axis hides. A line inside the "
+        "The same as a ratio, which shows what a logarithmic axis hides. A line inside the "
         "area fits; one that leaves it misses the data there.",
     )
 
@@ -340,26 +330,23 @@ def _spectra(channels: Channels, methods: list[str]) -> FigureGrid:
             factor,
         )
         figures.append(
-            Figure(
+            plot(
                 shown_name(name),
                 f"Measured root density and that of {len(c.theory)} methods.",
-                tuple(traces),
-                {
-                    "xaxis": _log_axis("frequency in Hz", curve.frequency),
-                    "yaxis": axis(
-                        f"root density{unit and f' in {unit}/√Hz'}",
-                        log=True,
-                        limits=limits(root, low[root > 0.0], log=True),
-                    ),
-                },
+                traces,
+                _log_axis("frequency in Hz", curve.frequency),
+                axis(
+                    f"root density{unit and f' in {unit}/√Hz'}",
+                    log=True,
+                    limits=limits(root, low[root > 0.0], log=True),
+                ),
                 height=310,
             )
         )
-    return FigureGrid(
-        tuple(figures),
+    return channel_grid(
+        figures,
         _legend(methods, "its 95 % interval"),
-        columns=3 if len(figures) > 1 else 1,
-        caption="Root of the two-sided power spectral density (white noise reads N). The theory is "
+        "Root of the two-sided power spectral density (white noise reads N). The theory is "
         "that of the samples, aliases included.",
     )
 
@@ -372,23 +359,18 @@ def _correlations(channels: Channels, methods: list[str]) -> FigureGrid:
         traces.append(marks(points.lag, points.correlation, "@data", "measured", size=4))
         traces += _lines(c, methods, points.lag, lambda t: t.correlation)
         figures.append(
-            Figure(
+            plot(
                 shown_name(name),
                 "Measured autocorrelation and that of the methods.",
-                tuple(traces),
-                {
-                    "xaxis": _log_axis("lag in s", points.lag),
-                    "yaxis": axis(
-                        "autocorrelation", limits=limits(points.correlation, points.band, 0.0)
-                    ),
-                },
+                traces,
+                _log_axis("lag in s", points.lag),
+                axis("autocorrelation", limits=limits(points.correlation, points.band, 0.0)),
                 height=280,
             )
         )
-    return FigureGrid(
-        tuple(figures),
+    return channel_grid(
+        figures,
         _legend(methods, "95 % band of white noise whose variance may change"),
-        columns=3 if len(figures) > 1 else 1,
-        caption="Autocorrelation, averaged over neighbouring lags. The theory is what a record of "
+        "Autocorrelation, averaged over neighbouring lags. The theory is what a record of "
         "this length shows on average: removing the mean and slow noise bend it below zero.",
     )

@@ -23,7 +23,8 @@ from schuler.report.blocks import (
     Section,
     Table,
 )
-from schuler.report.figures import axis, limits, line, marks, shaded
+from schuler.report.figures import axis, limits, line, marks
+from schuler.report.makers import log_blocks, plot, remarks
 from schuler.report.numbers import duration, number, percent
 from schuler.report.sections.registry import register
 from schuler.units import scale
@@ -31,8 +32,6 @@ from schuler.units import scale
 COLOURS = ("@x", "@y", "@z", "@markov", "@white", "@walk", "@other", "@good")
 """Of IMUs, in turn."""
 TITLES = {"gyro": "Gyros", "accel": "Accelerometers"}
-MANY = 12
-"""Lines of the log that are shown unfolded."""
 
 
 def _unit(sensor: str) -> tuple[str, float]:
@@ -127,11 +126,12 @@ def _weight_figure(fused: FusedSensor) -> Figure:
     largest = float(
         max(np.nanmax(fused.weight[:, sensors.unit == u].sum(axis=1)) for u in range(sensors.units))
     )
-    return Figure(
+    return plot(
         f"{TITLES[sensors.sensor]}: weights",
         "Share of each IMU in the information through time",
-        tuple(traces),
-        {"xaxis": axis("Time (s)"), "yaxis": axis("Weight", limits=(0.0, 1.08 * largest))},
+        traces,
+        axis("Time (s)"),
+        axis("Weight", limits=(0.0, 1.08 * largest)),
     )
 
 
@@ -151,14 +151,12 @@ def _noise_figure(fused: FusedSensor) -> Figure:
     if first.size == 1:
         moments, lines = sensors.time[[0, -1]], np.repeat(together, 2)
     traces.append(line(moments, lines, "@model", "together", width=2.0))
-    return Figure(
+    return plot(
         f"{TITLES[sensors.sensor]}: noise",
         "Standard deviation of a sample of each IMU and of all together through time",
-        tuple(traces),
-        {
-            "xaxis": axis("Time (s)"),
-            "yaxis": axis(f"Deviation ({unit})", log=True, limits=limits(*levels, lines, log=True)),
-        },
+        traces,
+        axis("Time (s)"),
+        axis(f"Deviation ({unit})", log=True, limits=limits(*levels, lines, log=True)),
     )
 
 
@@ -193,10 +191,7 @@ def geometry_sections(figures: FiguresOfMerit, names: tuple[str, ...] = ()) -> t
                 if seen.size
                 else "none",
             ),
-            (
-                "Smallest angle between faults",
-                f"{number(angle)}°",
-            ),
+            ("Smallest angle between faults", f"{number(angle)}°"),
         )
     )
     found: tuple[Block, ...] = ()
@@ -250,29 +245,21 @@ def _drawing(
             marks([x], [y], colour, geometry.names[m], size=6.0, text=(geometry.names[m],))
         )
     plain = {"showgrid": False, "zeroline": False, "showticklabels": False, "ticks": ""}
-    return Figure(
+    return plot(
         title,
         f"Sensor axes seen {title.lower()}",
-        tuple(traces),
-        {
-            "xaxis": axis("", limits=(-1.4, 1.4)) | plain,
-            "yaxis": axis("", limits=(-1.4, 1.4), equal_to="x") | plain,
-        },
+        traces,
+        axis("", limits=(-1.4, 1.4)) | plain,
+        axis("", limits=(-1.4, 1.4), equal_to="x") | plain,
     )
 
 
 @register
 def fault_sections(result: FaultDetection) -> tuple[Section, ...]:
     """Show what the tests said of an array."""
-    items = [Finding("info", text) for text in result.limits]
     records = result.records
-    items += [Finding("info" if r.kind == "missing" else "warning", r.text) for r in records[:MANY]]
-    if not records:
-        items.append(Finding("good", "No sensor was taken out."))
-    blocks: list[Block] = [Findings(tuple(items))]
-    if len(records) > MANY:
-        rest = tuple((r.text,) for r in records[MANY:])
-        blocks.append(Table(f"{len(rest)} more lines of the log", ("Event",), rest, folded=True))
+    lines = [Finding("info" if r.kind == "missing" else "warning", r.text) for r in records]
+    blocks = [*log_blocks(remarks(result.limits), lines, "No sensor was taken out.")]
     blocks.append(_statistics(result))
     blocks += [_fault_figures(sensor) for sensor in result.sensors]
     out = [r for r in records if r.kind in ("axis", "unit")]
@@ -318,18 +305,16 @@ def _fault_figures(s: SensorFaults) -> FigureGrid:
     )
     names = [f"{t:g} s" for t in s.settings.time_constants]
     watch = s.settings.watch(followed.sensors)
-    d = Figure(
+    d = plot(
         f"{TITLES[s.sensor]}: every sample",
         "Chi-square statistic of every sample over its threshold",
         (
             line(time, followed.statistic, "@data", "D", width=0.8),
             line(time, s.thresholds, "@error", "threshold", dash="dash"),
         ),
-        {
-            "xaxis": axis("Time (s)"),
-            "yaxis": axis("D", log=True, limits=limits(followed.statistic, s.thresholds, log=True)),
-            "shapes": shaded(spans),
-        },
+        axis("Time (s)"),
+        axis("D", log=True, limits=limits(followed.statistic, s.thresholds, log=True)),
+        spans=spans,
     )
     levels = [
         np.maximum(followed.smoothed[:, j] / watch.axis_threshold[j], 1e-4)
@@ -337,18 +322,16 @@ def _fault_figures(s: SensorFaults) -> FigureGrid:
     ]
     highest = max(3.0, 1.5 * float(np.nanmax(levels)))
     moments = followed.block_time
-    smooth = Figure(
+    smooth = plot(
         f"{TITLES[s.sensor]}: lasting faults",
         "Largest likelihood statistic of an axis in smoothed residuals over its threshold",
         (
             *(line(moments, v, _colour(j), names[j]) for j, v in enumerate(levels)),
             line(moments[[0, -1]], [1.0, 1.0], "@error", "threshold", dash="dash"),
         ),
-        {
-            "xaxis": axis("Time (s)"),
-            "yaxis": axis("F / threshold", log=True, limits=(1e-2, highest)),
-            "shapes": shaded(spans),
-        },
+        axis("Time (s)"),
+        axis("F / threshold", log=True, limits=(1e-2, highest)),
+        spans=spans,
     )
     legend = (
         LegendItem("statistic of a sample", "@data"),

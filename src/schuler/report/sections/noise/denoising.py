@@ -5,19 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.denoising import AllanEffect, Denoised
-from schuler.report.blocks import (
-    Block,
-    Figure,
-    FigureGrid,
-    Finding,
-    Findings,
-    LegendItem,
-    Section,
-    Table,
-)
+from schuler.report.blocks import Block, FigureGrid, Findings, LegendItem, Section, Table
 from schuler.report.figures import axis, limits, line, marks
+from schuler.report.makers import plot, remarks, spoken
 from schuler.report.numbers import number, percent
-from schuler.report.sections.method_words import shown_name, unit_of
+from schuler.report.sections.noise.method_words import shown_name, unit_of
 from schuler.report.sections.registry import register
 
 _KEEP_N = (
@@ -42,8 +34,7 @@ def denoising_section(
     effect: AllanEffect, denoised: Denoised | None = None, name: str = ""
 ) -> Section:
     """Show what de-noising did to a signal."""
-    found = [Finding("info", f"{text[:1].upper()}{text[1:]}.") for text in effect.findings()]
-    blocks: list[Block] = [_curves(effect, name), Findings(tuple(found))]
+    blocks: list[Block] = [_curves(effect, name), Findings(remarks(map(spoken, effect.findings())))]
     if denoised is not None:
         blocks += _levels(denoised)
     return Section("De-noising", tuple(blocks), (_KEEP_N,))
@@ -55,30 +46,29 @@ def _curves(effect: AllanEffect, name: str) -> FigureGrid:
     before, after = effect.raw.deviation / factor, effect.denoised.deviation / factor
     known = np.isfinite(effect.ratio)
     x_axis = axis("cluster time in s", log=True, limits=limits(tau, log=True, margin=0.03))
-    curves = Figure(
+    curves = plot(
         f"{shown_name(name)}: Allan deviation",
         "Allan deviation before and after de-noising.",
         (
             marks(tau, before, "@data", "before", size=4),
             line(tau, after, "@mark", "after", width=1.8),
         ),
-        {
-            "xaxis": x_axis,
-            "yaxis": axis(
-                f"Allan deviation{unit and f' in {unit}'}",
-                log=True,
-                limits=limits(before, after, log=True),
-            ),
-        },
+        x_axis,
+        axis(
+            f"Allan deviation{unit and f' in {unit}'}",
+            log=True,
+            limits=limits(before, after, log=True),
+        ),
     )
-    ratio = Figure(
+    ratio = plot(
         "After over before",
         "Ratio of the two; one where de-noising changes nothing.",
         (
             line(tau[[0, -1]], [1.0, 1.0], "@other", "unchanged", dash="dash"),
             line(tau[known], effect.ratio[known], "@mark", "after over before", width=1.8),
         ),
-        {"xaxis": x_axis, "yaxis": axis("after over before", limits=(0.0, 1.15))},
+        x_axis,
+        axis("after over before", limits=(0.0, 1.15)),
     )
     legend = (LegendItem("before", "@data", "point"), LegendItem("after", "@mark"))
     return FigureGrid(

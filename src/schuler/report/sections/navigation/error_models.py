@@ -4,23 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.evaluation.error_model_comparison import (
-    METRICS,
-    ErrorModelComparison,
-    Metric,
-)
+from schuler.evaluation.error_model_comparison import METRICS, ErrorModelComparison, Metric
 from schuler.evaluation.paired import PERCENTAGES, PairedStatistics
-from schuler.report.blocks import (
-    Block,
-    Figure,
-    FigureGrid,
-    Finding,
-    Findings,
-    LegendItem,
-    Section,
-    Table,
-)
+from schuler.report.blocks import Block, FigureGrid, Finding, Findings, LegendItem, Section, Table
 from schuler.report.figures import Dash, axis, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import number, percent, with_error
 from schuler.report.sections.registry import register
 
@@ -172,14 +160,12 @@ def _bars(c: ErrorModelComparison) -> FigureGrid:
             height = max(height, float(mean.max()))
         many = c.results[0].values().shape[1]
         figures.append(
-            Figure(
+            plot(
                 f"Horizontal {METRICS[metric]} of every outage",
                 f"{many} outages side by side, one mark for each of {len(c.results)} models.",
-                tuple(traces),
-                {
-                    "xaxis": axis("outage", limits=(0.5, many + 0.5)),
-                    "yaxis": axis("m", limits=(0.0, 1.08 * height)),
-                },
+                traces,
+                axis("outage", limits=(0.5, many + 0.5)),
+                axis("m", limits=(0.0, 1.08 * height)),
             )
         )
     return FigureGrid(tuple(figures), _legend(c), columns=2, caption="As S004 figure 26.")
@@ -206,12 +192,13 @@ def _tracks(c: ErrorModelComparison) -> FigureGrid:
             traces.append(line(track[name][:, 0], track[name][:, 1], colour, name, dash=dash))
         traces.append(marks([0.0], [0.0], "@model", "GNSS is lost", size=8, symbol="diamond"))
         figures.append(
-            Figure(
+            plot(
                 _title(c, k),
                 "East against north, both axes to the same scale; the models part from the grey "
                 "reference.",
-                tuple(traces),
-                {"xaxis": axis("east in m"), "yaxis": axis("north in m", equal_to="x")},
+                traces,
+                axis("east in m"),
+                axis("north in m", equal_to="x"),
                 height=360,
             )
         )
@@ -242,14 +229,12 @@ def _growth(c: ErrorModelComparison) -> FigureGrid:
         if floor is not None:
             traces.append(line(since, floor, "@model", "white-noise floor", width=1, dash="dot"))
         figures.append(
-            Figure(
+            plot(
                 _title(c, k),
                 f"Horizontal error against time; the highest reaches {number(height)} m.",
-                tuple(traces),
-                {
-                    "xaxis": axis("time since GNSS was lost in s"),
-                    "yaxis": axis("horizontal error in m", limits=(0.0, 1.06 * height)),
-                },
+                traces,
+                axis("time since GNSS was lost in s"),
+                axis("horizontal error in m", limits=(0.0, 1.06 * height)),
                 height=260,
             )
         )

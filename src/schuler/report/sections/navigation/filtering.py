@@ -6,7 +6,8 @@ import numpy as np
 
 from schuler.data.trajectory import Innovations, NavigationSolution
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
-from schuler.report.figures import axis, band, broken_at_gaps, limits, line, marks, shaded
+from schuler.report.figures import axis, band, broken_at_gaps, limits, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import number, percent
 from schuler.types import FloatArray
 
@@ -84,17 +85,15 @@ def _innovations(kind: str, part: Innovations, start: float, spans: Spans) -> Fi
         if out.any():
             traces.append(marks(time_k[out], value[out], "@error", "kept out", size=6, symbol="x"))
         figures.append(
-            Figure(
+            plot(
                 f"{kind[:1].upper()}{kind[1:]}, {direction}",
                 f"{value.size} updates, rms {number(float(np.sqrt(np.mean(value**2))))} {unit}, "
                 f"{percent(float(np.mean(np.abs(value) <= bound)))} within 2 sigma.",
-                tuple(traces),
-                {
-                    "xaxis": axis("time in s"),
-                    "yaxis": axis(unit, limits=(-reach, reach)),
-                    "shapes": shaded(spans),
-                },
+                traces,
+                axis("time in s"),
+                axis(unit, limits=(-reach, reach)),
                 height=220,
+                spans=spans,
             )
         )
     figures.append(_nis(kind, part, time, spans))
@@ -111,19 +110,17 @@ def _nis(kind: str, part: Innovations, time: FloatArray, spans: Spans) -> Figure
     degrees = int(np.median(part.degrees))
     bound = chi_square_quantile(0.95, degrees)
     shown = np.maximum(part.nis, 1e-3)
-    return Figure(
+    return plot(
         f"NIS of {kind}",
         f"{percent(float(np.mean(part.nis <= bound)))} below the 95 % bound of {number(bound)}.",
         (
             marks(time, shown, "@data", "NIS", size=3),
             line(time[[0, -1]], [bound, bound], "@mark", "95 % bound", width=1.4, dash="dash"),
         ),
-        {
-            "xaxis": axis("time in s"),
-            "yaxis": axis("NIS", log=True, limits=limits(shown, [bound], log=True)),
-            "shapes": shaded(spans),
-        },
+        axis("time in s"),
+        axis("NIS", log=True, limits=limits(shown, [bound], log=True)),
         height=220,
+        spans=spans,
     )
 
 
@@ -150,16 +147,14 @@ def sensor_error_section(
             when = later.sensor_error_time - start
             traces.append(line(when, smooth, "@smoothed", "smoothed", width=1.4))
         figures.append(
-            Figure(
+            plot(
                 f"{name[:1].upper()}{name[1:]}".replace("_", " "),
                 f"Ends at {number(float(value[-1]))} ± {number(float(bound[-1]))} {unit}.",
-                tuple(traces),
-                {
-                    "xaxis": axis("time in s"),
-                    "yaxis": axis(unit, limits=_reach(value, bound)),
-                    "shapes": shaded(spans),
-                },
+                traces,
+                axis("time in s"),
+                axis(unit, limits=_reach(value, bound)),
                 height=210,
+                spans=spans,
             )
         )
     legend = [

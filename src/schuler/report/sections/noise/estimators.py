@@ -11,11 +11,12 @@ from schuler.estimation.garch.fit import GarchFit
 from schuler.estimation.orthogonal_search.result import FosFit
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.series_methods import ArGarchFit
-from schuler.report.blocks import Block, Figure, FigureGrid, LegendItem, Section, Table
+from schuler.report.blocks import Block, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, limits, line, marks
+from schuler.report.makers import channel_grid, plot
 from schuler.report.numbers import MISSING, compact_with_error, number
-from schuler.report.sections.method_words import shown_name, unit_of
-from schuler.report.sections.residuals import probability
+from schuler.report.sections.noise.method_words import shown_name, unit_of
+from schuler.report.sections.noise.residuals import probability
 
 Channels = dict[str, MethodComparison]
 
@@ -240,30 +241,24 @@ def _volatility(channels: Channels) -> FigureGrid:
         long = found.time[-1] > 3600.0
         time = found.time / (3600.0 if long else 1.0)
         figures.append(
-            Figure(
+            plot(
                 shown_name(name),
                 "Standard deviation of the one-step errors through time.",
                 (
                     marks(time, measured, "@data", "measured", size=2.5),
                     line(time, model, "@model", "GARCH", width=1.2),
                 ),
-                {
-                    "xaxis": axis("time in h" if long else "time in s"),
-                    "yaxis": axis(
-                        f"standard deviation{unit and f' in {unit}'}",
-                        limits=limits(measured, model),
-                    ),
-                },
+                axis("time in h" if long else "time in s"),
+                axis(f"standard deviation{unit and f' in {unit}'}", limits=limits(measured, model)),
                 height=250,
             )
         )
-    return FigureGrid(
-        tuple(figures),
+    return channel_grid(
+        figures,
         (
             LegendItem("root mean square in a block", "@data", "point"),
             LegendItem("GARCH", "@model"),
         ),
-        columns=3 if len(figures) > 1 else 1,
-        caption="Volatility through time: up to 600 blocks; every sample's variance is foretold "
+        "Volatility through time: up to 600 blocks; every sample's variance is foretold "
         "from the samples before it.",
     )

@@ -5,34 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.arrays.detection.lasting_faults import TITLES, LastingFaults
-from schuler.report.blocks import (
-    Block,
-    Facts,
-    Figure,
-    FigureGrid,
-    Finding,
-    Findings,
-    LegendItem,
-    Section,
-    Table,
-)
-from schuler.report.figures import axis, limits, line, shaded
+from schuler.report.blocks import Block, Facts, FigureGrid, LegendItem, Section, Table
+from schuler.report.figures import axis, limits, line
+from schuler.report.makers import log_blocks, plot, remarks, spoken
 from schuler.report.numbers import number
 from schuler.report.sections.registry import register
 from schuler.units import format_value
-
-MANY = 12
-"""Lines of the log that are shown unfolded."""
 
 
 @register
 def lasting_fault_sections(result: LastingFaults) -> tuple[Section, ...]:
     """Show what windows of motion said of the gyros of an array."""
     records = result.records
-    items = [Finding("info", text[0].upper() + text[1:] + ".") for text in result.limits]
-    items += [Finding("warning", r.text) for r in records[:MANY]]
-    if not records:
-        items.append(Finding("good", "No sensor is off for a window or longer."))
+    known = remarks(map(spoken, result.limits))
     normal = result.normal
     facts = Facts(
         (
@@ -42,10 +27,9 @@ def lasting_fault_sections(result: LastingFaults) -> tuple[Section, ...]:
             ("Floor", format_value(normal.floor, "angular rate", digits=2)),
         )
     )
-    blocks: list[Block] = [Findings(tuple(items))]
-    if len(records) > MANY:
-        rest = tuple((r.text,) for r in records[MANY:])
-        blocks.append(Table(f"{len(rest)} more lines of the log", ("Event",), rest, folded=True))
+    lines = remarks((r.text for r in records), "warning")
+    nothing = "No sensor is off for a window or longer."
+    blocks: list[Block] = [*log_blocks(known, lines, nothing)]
     blocks += [facts, _motions(result), _figures(result)]
     sentence = (
         "No gyro of the array went astray in motion."
@@ -94,7 +78,7 @@ def _figures(result: LastingFaults) -> FigureGrid:
     excess, one = np.maximum(result.excess, 1e-3), np.ones(time.size)
     chi = result.statistic / result.normal.thresholds[result.motion, 0]
     spans = tuple((r.start, time[-1] if r.stop is None else r.stop) for r in result.records)
-    test = Figure(
+    test = plot(
         "Every window",
         "Largest likelihood and chi-square of every window over their thresholds",
         (
@@ -102,18 +86,17 @@ def _figures(result: LastingFaults) -> FigureGrid:
             line(time, excess, "@data", "one axis or unit", width=1.0),
             line(time, one, "@error", "threshold", dash="dash"),
         ),
-        {
-            "xaxis": axis("Time (s)"),
-            "yaxis": axis("Over threshold", log=True, limits=limits(excess, chi, one, log=True)),
-            "shapes": shaded(spans),
-        },
+        axis("Time (s)"),
+        axis("Over threshold", log=True, limits=limits(excess, chi, one, log=True)),
+        spans=spans,
     )
     speed = np.degrees(result.offsets.speed)
-    motion = Figure(
+    motion = plot(
         "Motion",
         "Mean rate of every window",
         (line(time, speed, "@data", "mean rate", width=1.0),),
-        {"xaxis": axis("Time (s)"), "yaxis": axis("Rate (deg/s)", limits=limits(speed))},
+        axis("Time (s)"),
+        axis("Rate (deg/s)", limits=limits(speed)),
     )
     return FigureGrid(
         (test, motion),

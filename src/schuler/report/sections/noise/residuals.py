@@ -9,10 +9,11 @@ import numpy as np
 
 from schuler.estimation.comparison.methods import MethodComparison
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
-from schuler.report.blocks import Block, Figure, FigureGrid, LegendItem, Prose, Section, Table
+from schuler.report.blocks import Block, FigureGrid, LegendItem, Prose, Section, Table
 from schuler.report.figures import axis, band, limits, line, marks
+from schuler.report.makers import channel_grid, plot
 from schuler.report.numbers import MISSING, number
-from schuler.report.sections.method_words import shown_name, unit_of
+from schuler.report.sections.noise.method_words import shown_name, unit_of
 
 Channels = dict[str, MethodComparison]
 
@@ -79,26 +80,18 @@ def _correlations(channels: Channels, drawn: dict[str, list[str]]) -> FigureGrid
             traces.append(marks(lags + shift, left.correlation, _colour(method), method, size=4.5))
             values.append(left.correlation)
         figures.append(
-            Figure(
+            plot(
                 shown_name(name),
                 f"Autocorrelation of the one-step errors of {', '.join(drawn[name])}.",
-                tuple(traces),
-                {
-                    "xaxis": axis("lag in steps", limits=(0.0, 41.0)),
-                    "yaxis": axis(
-                        "autocorrelation",
-                        limits=limits(*values, *(-v for v in values), margin=0.1),
-                    ),
-                },
+                traces,
+                axis("lag in steps", limits=(0.0, 41.0)),
+                axis("autocorrelation", limits=limits(*values, *(-v for v in values), margin=0.1)),
                 height=250,
             )
         )
     band_item = LegendItem("95 % of white noise whose variance may change", "@data/0.22", "band")
-    return FigureGrid(
-        tuple(figures),
-        _legend(drawn, (band_item,)),
-        columns=3 if len(figures) > 1 else 1,
-        caption="Autocorrelation of the one-step errors.",
+    return channel_grid(
+        figures, _legend(drawn, (band_item,)), "Autocorrelation of the one-step errors."
     )
 
 
@@ -116,22 +109,19 @@ def _quantiles(channels: Channels, drawn: dict[str, list[str]]) -> FigureGrid:
             )
             values.append(left.quantiles)
         figures.append(
-            Figure(
+            plot(
                 shown_name(name),
                 "Quantiles of the one-step errors against those of Gaussian noise.",
-                tuple(traces),
-                {
-                    "xaxis": axis("Gaussian quantile", limits=(-3.2, 3.2)),
-                    "yaxis": axis("quantile over sd", limits=limits(*values, [-3.2, 3.2])),
-                },
+                traces,
+                axis("Gaussian quantile", limits=(-3.2, 3.2)),
+                axis("quantile over sd", limits=limits(*values, [-3.2, 3.2])),
                 height=250,
             )
         )
-    return FigureGrid(
-        tuple(figures),
+    return channel_grid(
+        figures,
         _legend(drawn, (LegendItem("Gaussian", "@other", "dash"),)),
-        columns=3 if len(figures) > 1 else 1,
-        caption="Quantiles of the one-step errors over their standard deviation: steps are the "
+        "Quantiles of the one-step errors over their standard deviation: steps are the "
         "grid on which the sensor writes its values, ends that bend away are heavy tails.",
     )
 

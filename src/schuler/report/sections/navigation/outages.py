@@ -8,10 +8,11 @@ import numpy as np
 
 from schuler.data.gnss import GnssRecording
 from schuler.evaluation.outages import OutageEvaluation, OutageStatistics, OutageWindow
-from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
+from schuler.report.blocks import FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, band, limits, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import number, percent
-from schuler.report.sections.navigation import NavigationResults, track_figure
+from schuler.report.sections.navigation.run import NavigationResults, track_figure
 from schuler.report.sections.registry import register
 from schuler.types import FloatArray
 
@@ -82,10 +83,9 @@ def _lengths(windows: tuple[OutageWindow, ...]) -> str:
 
 def _sentence(name: str, s: OutageStatistics) -> str:
     count = len(s.windows)
-    how = {
-        "causal": "with the data up to each moment (causal)",
-        "smoothed": "smoothed",
-    }.get(name, f"with a {name}")
+    how = {"causal": "with the data up to each moment (causal)", "smoothed": "smoothed"}.get(
+        name, f"with a {name}"
+    )
     return (
         f"With GNSS withheld {count} time{'' if count == 1 else 's'} for {_lengths(s.windows)}, "
         f"the largest horizontal error {how} is {number(s.mean_of_max_m)} m on average and "
@@ -179,15 +179,13 @@ def _growth(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
         if floor is not None and name == "causal":
             traces.append(line(since, floor, "@model", "white-noise floor", width=1.2, dash="dot"))
         figures.append(
-            Figure(
+            plot(
                 f"Error while GNSS is gone, {name}",
                 f"One line for each of {len(s.windows)} windows; the highest reaches "
                 f"{number(s.worst_m)} m.",
-                tuple(traces),
-                {
-                    "xaxis": axis("time since GNSS was lost in s"),
-                    "yaxis": axis("horizontal error in m", limits=(0.0, 1.06 * max(heights))),
-                },
+                traces,
+                axis("time since GNSS was lost in s"),
+                axis("horizontal error in m", limits=(0.0, 1.06 * max(heights))),
             )
         )
     legend = (
@@ -232,11 +230,12 @@ def _bands(s: OutageStatistics) -> FigureGrid:
             traces += band(since, -bound, bound, f"{colour}/0.13", f"2 sigma {direction}")
             traces.append(line(since, w.error_ned[:, k], colour, direction))
         figures.append(
-            Figure(
+            plot(
                 f"From {number(w.start_s, 4)} s",
                 f"Largest horizontal error {number(w.max_m)} m.",
-                tuple(traces),
-                {"xaxis": axis("time since GNSS was lost in s"), "yaxis": axis("error in m")},
+                traces,
+                axis("time since GNSS was lost in s"),
+                axis("error in m"),
                 height=230,
             )
         )
@@ -262,7 +261,7 @@ def _claims(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
             for w in s.windows
         )
         figures.append(
-            Figure(
+            plot(
                 f"Largest error against claimed standard deviation, {name}",
                 f"{len(s.windows)} windows; points above the dashed line exceed 2 sigma.",
                 (
@@ -270,10 +269,8 @@ def _claims(answers: list[tuple[str, str, OutageStatistics]]) -> FigureGrid:
                     line(ends, 2 * ends, "@other", "2 sigma", width=1.2, dash="dash"),
                     marks(claimed, real, colour, name, size=8, text=text),
                 ),
-                {
-                    "xaxis": axis("claimed standard deviation in m", log=True, limits=(low, high)),
-                    "yaxis": axis("largest error in m", log=True, limits=(low, high)),
-                },
+                axis("claimed standard deviation in m", log=True, limits=(low, high)),
+                axis("largest error in m", log=True, limits=(low, high)),
             )
         )
     legend = (

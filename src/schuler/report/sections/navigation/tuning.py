@@ -7,6 +7,7 @@ import numpy as np
 from schuler.navigation.tuning.inflation import NoiseInflation, NoiseTuning
 from schuler.report.blocks import Figure, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import number
 from schuler.report.sections.recording import pretty
 from schuler.report.sections.registry import register
@@ -95,7 +96,7 @@ def _profile(i: NoiseInflation) -> Figure:
     loss = np.append(i.profile_loss, 0.0)[order]
     top = float(np.clip(1.1 * loss.max(initial=1.0), 4.0, HIGHEST_LOSS))
     ends = (0.8 * min(factors.min(), i.lower), 1.25 * max(factors.max(), i.upper))
-    return Figure(
+    return plot(
         f"{i.sensor}, {i.kind}".capitalize(),
         f"Most likely ×{number(i.factor)}, 95 % interval {number(i.lower)} to {number(i.upper)}.",
         (
@@ -104,10 +105,8 @@ def _profile(i: NoiseInflation) -> Figure:
             line([i.lower, i.upper], [0.0, 0.0], "@causal", "95 % interval", width=4),
             marks([i.factor], [0.0], "@causal", "most likely", size=9),
         ),
-        {
-            "xaxis": axis("factor on the static number", log=True, limits=ends),
-            "yaxis": axis("log-likelihood lost", limits=(-0.06 * top, top)),
-        },
+        axis("factor on the static number", log=True, limits=ends),
+        axis("log-likelihood lost", limits=(-0.06 * top, top)),
         height=260,
     )
 

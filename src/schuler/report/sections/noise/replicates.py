@@ -20,10 +20,11 @@ from schuler.report.blocks import (
     Table,
 )
 from schuler.report.figures import axis, encode, limits, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import MISSING, compact_with_error, number
-from schuler.report.sections.method_words import quantity, shown_name
+from schuler.report.sections.noise.method_words import quantity, shown_name
+from schuler.report.sections.noise.residuals import probability
 from schuler.report.sections.registry import register
-from schuler.report.sections.residuals import probability
 
 COLOURS = {
     "allan": "@model",
@@ -107,14 +108,12 @@ def _figure(p: PooledParameter, names: tuple[str, ...], methods: list[str]) -> F
         sure = error < 0.4 * np.abs(y)
         ends += [*(y - bar)[sure], *(y + bar)[sure]]
     ticks = {"tickvals": list(range(1, len(names) + 2)), "ticktext": [*_short(names), "all"]}
-    return Figure(
+    return plot(
         f"{shown_name(p.channel)}: {words}",
         f"{words} of every run by {', '.join(p.pooled)}.",
-        tuple(traces),
-        {
-            "xaxis": axis("run", limits=(0.4, len(names) + 1.6)) | ticks,
-            "yaxis": axis(f"{words}{unit and f' in {unit}'}", limits=limits(ends or [0.0, 1.0])),
-        },
+        traces,
+        axis("run", limits=(0.4, len(names) + 1.6)) | ticks,
+        axis(f"{words}{unit and f' in {unit}'}", limits=limits(ends or [0.0, 1.0])),
         height=230,
     )
 

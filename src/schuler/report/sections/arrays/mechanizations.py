@@ -24,7 +24,8 @@ from schuler.report.blocks import (
     Section,
     Table,
 )
-from schuler.report.figures import axis, limits, line, marks, shaded
+from schuler.report.figures import axis, limits, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import number
 from schuler.report.sections.registry import register
 from schuler.types import FloatArray
@@ -142,15 +143,11 @@ def _overview(comparison: MechanizationComparison) -> Section:
         "attitude error" if truth else "outage error" if comparison.windows else "claimed position"
     )
     return Section(
-        "Mechanizations",
-        tuple(blocks),
-        (f"The smallest {what} is that of '{best.label}'.",),
+        "Mechanizations", tuple(blocks), (f"The smallest {what} is that of '{best.label}'.",)
     )
 
 
-def _lines(
-    comparison: MechanizationComparison,
-) -> list[tuple[MechanizationResult, str]]:
+def _lines(comparison: MechanizationComparison) -> list[tuple[MechanizationResult, str]]:
     """One result a mechanization, the first single IMU for all."""
     seen: dict[str, MechanizationResult] = {}
     for r in comparison.results:
@@ -173,11 +170,12 @@ def _outages(comparison: MechanizationComparison) -> Section:
             traces.append(line(since, window.horizontal_m, colour, r.label, width=1.6))
             values.append(window.horizontal_m)
         figures.append(
-            Figure(
+            plot(
                 f"{seconds:g} s from {start:g} s",
                 "Horizontal error against the withheld fixes.",
-                tuple(traces),
-                {"xaxis": axis("s without GNSS"), "yaxis": axis("m", limits=limits(*values))},
+                traces,
+                axis("s without GNSS"),
+                axis("m", limits=limits(*values)),
                 height=260,
             )
         )
@@ -218,16 +216,14 @@ def _uncertainty(comparison: MechanizationComparison) -> Section:
             )
             values.append(value)
         figures.append(
-            Figure(
+            plot(
                 title,
                 "Claimed standard deviation over time.",
-                tuple(traces),
-                {
-                    "xaxis": axis("time in s"),
-                    "yaxis": axis(unit, log=True, limits=limits(*values, log=True)),
-                    "shapes": shaded(spans),
-                },
+                traces,
+                axis("time in s"),
+                axis(unit, log=True, limits=limits(*values, log=True)),
                 height=280,
+                spans=spans,
             )
         )
     return Section(

@@ -11,13 +11,14 @@ from schuler.data.gnss import GnssRecording
 from schuler.data.trajectory import NavigationSolution, Trajectory
 from schuler.earth import ned_from_geodetic
 from schuler.errors import InputError
-from schuler.report.blocks import Facts, Figure, FigureGrid, LegendItem, Section, Table
-from schuler.report.figures import axis, limits, line, marks, shaded
+from schuler.report.blocks import Facts, FigureGrid, LegendItem, Section, Table
+from schuler.report.figures import axis, limits, line, marks
+from schuler.report.makers import plot
 from schuler.report.numbers import duration, number
-from schuler.report.sections.condition import condition_section
-from schuler.report.sections.filtering import innovation_section, sensor_error_section
+from schuler.report.sections.navigation.condition import condition_section
+from schuler.report.sections.navigation.filtering import innovation_section, sensor_error_section
+from schuler.report.sections.navigation.uncertainty import uncertainty_section
 from schuler.report.sections.registry import register
-from schuler.report.sections.uncertainty import uncertainty_section
 from schuler.types import FloatArray
 
 TRACK_POINTS = 2000
@@ -191,11 +192,12 @@ def track_figure(run: NavigationResults) -> FigureGrid:
     traces += _outage_paths(run, origin)
     if run.outages:
         legend.append(LegendItem("without GNSS", "@outage/0.45", "band"))
-    figure = Figure(
+    figure = plot(
         "Track in local coordinates",
         "East against north from the first position, both axes to the same scale.",
-        tuple(traces),
-        {"xaxis": axis("east in m"), "yaxis": axis("north in m", equal_to="x")},
+        traces,
+        axis("east in m"),
+        axis("north in m", equal_to="x"),
         height=560,
     )
     return FigureGrid((figure,), tuple(legend), columns=1)
@@ -243,16 +245,14 @@ def motion_figures(trajectory: Trajectory, spans: tuple[tuple[float, float], ...
         ("Heading", np.where(jumps, np.nan, yaw), "deg", "@x"),
     )
     figures = tuple(
-        Figure(
+        plot(
             title,
             f"Between {number(float(np.nanmin(values)))} and {number(float(np.nanmax(values)))}.",
             (line(time, values, colour, title, width=1.2),),
-            {
-                "xaxis": axis("time in s"),
-                "yaxis": axis(unit, limits=limits(values)),
-                "shapes": shaded(spans),
-            },
+            axis("time in s"),
+            axis(unit, limits=limits(values)),
             height=220,
+            spans=spans,
         )
         for title, values, unit, colour in curves
     )

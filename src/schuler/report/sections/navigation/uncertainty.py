@@ -8,8 +8,9 @@ import numpy as np
 
 from schuler.data.trajectory import NavigationSolution, Trajectory
 from schuler.earth import metres_per_radian
-from schuler.report.blocks import Block, Figure, FigureGrid, LegendItem, Prose, Section, Table
-from schuler.report.figures import axis, band, limits, line, shaded
+from schuler.report.blocks import Block, FigureGrid, LegendItem, Prose, Section, Table
+from schuler.report.figures import axis, band, limits, line
+from schuler.report.makers import plot
 from schuler.report.numbers import number, percent
 from schuler.types import FloatArray
 
@@ -126,25 +127,20 @@ def _errors(
         common = limits(bound[settled], -bound[settled], error[settled])
         for k, direction in enumerate(DIRECTIONS):
             figures.append(
-                Figure(
+                plot(
                     f"{quantity.capitalize()} error {direction}, {name}",
                     f"Largest error {number(float(np.abs(error[:, k]).max()))} {unit}.",
                     (
                         *band(time, -bound[:, k], bound[:, k], f"{colour}/0.2", "2 sigma"),
                         line(time, error[:, k], colour, "error", width=1.0),
                     ),
-                    {
-                        "xaxis": axis("time in s"),
-                        "yaxis": axis(unit, limits=common),
-                        "shapes": shaded(spans),
-                    },
+                    axis("time in s"),
+                    axis(unit, limits=common),
                     height=210,
+                    spans=spans,
                 )
             )
-    legend = [
-        LegendItem("error", colour),
-        LegendItem("claimed 2 sigma", f"{colour}/0.2", "band"),
-    ]
+    legend = [LegendItem("error", colour), LegendItem("claimed 2 sigma", f"{colour}/0.2", "band")]
     if spans:
         legend.append(LegendItem("without GNSS", "@outage/0.14", "band"))
     return FigureGrid(tuple(figures), tuple(legend))
@@ -166,16 +162,14 @@ def _claimed(answers: Answers, spans: Spans) -> FigureGrid:
                 words.append(f"{name} median {number(float(np.median(values)))} {unit}")
             about = "about" if quantity == "attitude" else ""
             figures.append(
-                Figure(
+                plot(
                     f"{quantity.capitalize()} {about} {direction}".replace("  ", " "),
                     ", ".join(words) + ".",
-                    tuple(traces),
-                    {
-                        "xaxis": axis("time in s"),
-                        "yaxis": axis(f"sd in {unit}", log=True, limits=common),
-                        "shapes": shaded(spans),
-                    },
+                    traces,
+                    axis("time in s"),
+                    axis(f"sd in {unit}", log=True, limits=common),
                     height=220,
+                    spans=spans,
                 )
             )
     legend = [LegendItem(name, colour) for name, colour, _ in answers]
