@@ -19,9 +19,10 @@ _TRACKS = "schuler.io.trajectories."
 _NOISE = "schuler.io.noise_forms."
 
 _READERS = (
-    *(_READ + m for m in ("rosbag",)),
-    *(_READ + m for m in ("rtklib", "long_rows")),
-    *(_TABLES + m for m in ("parquet", "npz", "text")),
+    *(_READ + m for m in ("rosbag", "ulog", "dataflash", "ubx", "novatel", "nmea", "matlab")),
+    *(_READ + m for m in ("rtklib", "sbet", "kitti", "gnss_logger", "phone_folder", "long_rows")),
+    *(_READ + m for m in ("loggers", "inertial_explorer", "kf_gins")),
+    *(_TABLES + m for m in ("parquet", "npz", "json_lines", "text")),
 )
 _TRAJECTORY_WRITERS = ()
 _NOISE_WRITERS = ()
