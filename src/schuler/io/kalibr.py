@@ -66,7 +66,7 @@ def kalibr_yaml(noise_model: NoiseModel, *, rate: float | None = None, topic: st
         f"# Source: {' '.join(noise_model.source.split()) or 'not stated'}",
     ]
     for sensor, word, unit in (("accel", "accelerometer", "m/s^2"), ("gyro", "gyroscope", "rad/s")):
-        density, walk = _triad(noise_model, sensor)
+        density, walk = triad(noise_model, sensor)
         per_second = "m/s^3" if sensor == "accel" else "rad/s^2"
         shown = format_value(density.value, f"{sensor} white noise", digits=4)
         lines += [
@@ -108,7 +108,7 @@ def _plain(value: float) -> str:
     return f"{mantissa if '.' in mantissa else mantissa + '.0'}{mark}{exponent}"
 
 
-def _triad(model: NoiseModel, sensor: str) -> tuple[_Number, _Number]:
+def triad(model: NoiseModel, sensor: str) -> tuple[_Number, _Number]:
     """Worst white noise and worst walk of the axes of one sensor."""
     channels = [c for c in model.channels if c.startswith(sensor)]
     if not channels:
@@ -126,7 +126,8 @@ def _triad(model: NoiseModel, sensor: str) -> tuple[_Number, _Number]:
     )
 
 
-def _gauss_markovs(process: ProcessSum) -> list[GaussMarkov]:
+def gauss_markovs(process: ProcessSum) -> list[GaussMarkov]:
+    """Return the Gauss-Markov parts of a process, those of a flicker approximation too."""
     found: list[GaussMarkov] = []
     for part in process.parts:
         if isinstance(part, GaussMarkov):
@@ -141,7 +142,7 @@ def _density(process: ProcessSum, channel: str) -> _Number:
     # noise faster than a second is white to whoever integrates for longer
     fast = math.fsum(
         2.0 * g.sigma**2 * g.correlation_time
-        for g in _gauss_markovs(process)
+        for g in gauss_markovs(process)
         if g.correlation_time < _FAST
     )
     if white + fast <= 0.0:
@@ -161,7 +162,7 @@ def _walk(model: NoiseModel, channel: str, density: float) -> tuple[_Number, boo
     walk = math.fsum(p.density**2 for p in process.parts if isinstance(p, RandomWalk))
     slow = math.fsum(
         2.0 * g.sigma**2 / g.correlation_time
-        for g in _gauss_markovs(process)
+        for g in gauss_markovs(process)
         if g.correlation_time >= _FAST
     )
     if slow > 0.0:

@@ -24,8 +24,8 @@ _READERS = (
     *(_READ + m for m in ("loggers", "inertial_explorer", "kf_gins")),
     *(_TABLES + m for m in ("parquet", "npz", "json_lines", "text")),
 )
-_TRAJECTORY_WRITERS = ()
-_NOISE_WRITERS = ()
+_TRAJECTORY_WRITERS = tuple(_TRACKS + m for m in ("local", "receivers", "maps"))
+_NOISE_WRITERS = tuple(_NOISE + m for m in ("ros", "slam", "post_processing"))
 
 
 @cache

@@ -13,7 +13,7 @@ QUALITY_OF_FIX_TYPE = np.array([0, 0, 0, 5, 4, 2, 1])
 """RTKLIB's number of the quality by that of MAVLink and PX4 (3: 3-D, ... 6: RTK fixed)."""
 
 QUALITY_OF_NMEA = np.array([0, 5, 4, 5, 1, 2, 0, 0, 0])
-"""RTKLIB's number of the quality by that of GGA (1: single, 2: differential, 4: fixed, 5: float)."""
+"""RTKLIB's number of the quality by that of GGA (1: single, 2: DGPS, 4: fixed, 5: float)."""
 
 
 def only_fixes(path: Path, columns: Columns, said: str, rate_word: str = "epochs") -> MemorySource:

@@ -11,6 +11,7 @@ import numpy as np
 from schuler.errors import InputError
 from schuler.io.format import Format, What, damaged, lacking
 from schuler.io.source import Columns, MemorySource
+from schuler.io.trajectories.matlab import write_mat, write_recording
 
 if TYPE_CHECKING:
     from schuler.io.options import ReadOptions
@@ -143,9 +144,9 @@ def _matrix(path: Path, name: str, table: Any, what: What) -> MemorySource | Non
     place = table[:, -4:-1]
     if np.abs(place[:, 0]).max() > np.pi / 2 or np.abs(place[:, 1]).max() > np.pi:
         return None
-    if np.median(np.linalg.norm(table[:, 3:6], axis=1)) / step < 20.0 and table.shape[1] == 7:
-        if np.abs(place[:, 2]).max() < 2.0 and step < 0.1:  # increments of an IMU
-            return None
+    increments = table.shape[1] == 7 and np.abs(place[:, 2]).max() < 2.0 and step < 0.1
+    if increments and np.median(np.linalg.norm(table[:, 3:6], axis=1)) / step < 20.0:
+        return None
     columns = {"time": table[:, -1]}
     for k, axis in enumerate(("latitude", "longitude", "height")):
         columns[axis] = place[:, k]
@@ -165,6 +166,8 @@ FORMATS = (
         ("imu", "gnss"),
         magic=(b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file"),
         open=open_mat,
+        write_trajectory=write_mat,
+        write_recording=write_recording,
         extra="matlab",
     ),
 )

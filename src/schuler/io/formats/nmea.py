@@ -13,6 +13,7 @@ from schuler.errors import InputError
 from schuler.io.format import Format, Start, What
 from schuler.io.formats.fixes import QUALITY_OF_NMEA, only_fixes
 from schuler.io.source import Columns, MemorySource
+from schuler.io.trajectories.receivers import write_nmea
 
 if TYPE_CHECKING:
     from schuler.io.options import ReadOptions
@@ -90,7 +91,8 @@ def _rmc(f: list[str], epoch: _Epoch) -> None:
     if f[1] == "A" and f[6]:
         epoch["speed"], epoch["course"] = float(f[6]) * _KNOT, float(f[7] or "nan")
     if len(f[8]) == 6:
-        day, month, year = int(f[8][:2]), int(f[8][2:4]), 2000 + int(f[8][4:])
+        day, month, two = int(f[8][:2]), int(f[8][2:4]), int(f[8][4:])
+        year = two + (2000 if two < 80 else 1900)
         epoch["date"] = datetime.datetime(year, month, day, tzinfo=datetime.UTC).timestamp()
 
 
@@ -153,5 +155,6 @@ FORMATS = (
         ("gnss",),
         detect=_is_nmea,
         open=open_nmea,
+        write_trajectory=write_nmea,
     ),
 )

@@ -10,6 +10,7 @@ import numpy as np
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What
 from schuler.io.source import Columns, MemorySource
+from schuler.io.trajectories.receivers import write_sbet
 from schuler.types import BoolArray, FloatArray
 
 if TYPE_CHECKING:
@@ -67,6 +68,13 @@ def _is_sbet(start: Start) -> bool:
 
 
 FORMATS = (
-    Format("sbet-in", "SBET of Applanix", (".sbet", ".out"), ("gnss",), detect=_is_sbet,
-           open=open_sbet),
-)  # fmt: skip
+    Format(
+        "sbet",
+        "SBET of Applanix",
+        (".sbet", ".out"),
+        ("gnss",),
+        detect=_is_sbet,
+        open=open_sbet,
+        write_trajectory=write_sbet,
+    ),
+)

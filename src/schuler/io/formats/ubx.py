@@ -27,8 +27,10 @@ _SOLUTIONS = {
                   "sAcc": (68, "<u4")}),
 }  # fmt: skip
 # Data type of a measurement: channel, and the value of one bit.
-_CHANNELS = {14: ("gyro_x", 2.0**-12), 13: ("gyro_y", 2.0**-12), 5: ("gyro_z", 2.0**-12),
-             16: ("accel_x", 2.0**-10), 17: ("accel_y", 2.0**-10), 18: ("accel_z", 2.0**-10)}  # fmt: skip
+_CHANNELS = {
+    14: ("gyro_x", 2.0**-12), 13: ("gyro_y", 2.0**-12), 5: ("gyro_z", 2.0**-12),
+    16: ("accel_x", 2.0**-10), 17: ("accel_y", 2.0**-10), 18: ("accel_z", 2.0**-10),
+}  # fmt: skip
 _TICK = 2.56e-5  # s, of the time tags of ESF-RAW
 
 

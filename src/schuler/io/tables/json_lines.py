@@ -37,10 +37,8 @@ def open_json(path: Path, what: What, options: ReadOptions) -> MemorySource:
     table: Columns = {}
     for name, column in columns.items():
         column.extend([np.nan] * (count - len(column)))
-        texts = [isinstance(v, str) for v in column]
-        if any(texts):
-            table[name] = np.array(["" if not t else str(v) for v, t in zip(column, texts,
-                                                                           strict=True)])  # fmt: skip
+        if any(isinstance(v, str) for v in column):
+            table[name] = np.array([v if isinstance(v, str) else "" for v in column])
         else:
             table[name] = np.array([np.nan if v is None else float(v) for v in column])
     return MemorySource(path, table, {}, None, ("JSON",), "record")
