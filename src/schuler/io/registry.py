@@ -183,6 +183,18 @@ def trajectory_format(name: str) -> Format:
     )  # fmt: skip
 
 
+def recording_format(name: str) -> Format:
+    """Find a writer of recordings by its name or by the ending of a file."""
+    writers = [f for f in formats() if f.write_recording is not None]
+    for one in writers:
+        if name.lower() == one.name or name.lower() in one.suffixes:
+            return one
+    raise InputError(
+        f"recordings are not written as '{name}'",
+        expected=f"out of {', '.join(f.name for f in writers)}, or their endings",
+    )
+
+
 def noise_format(name: str) -> Format:
     """Find a writer of noise models by its name."""
     writers = [f for f in formats() if f.write_noise is not None]
