@@ -6,26 +6,15 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from importlib.metadata import entry_points
 from io import TextIOWrapper
 
 from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from schuler import __version__
-from schuler.cli.arrays import observability
-from schuler.cli.calibrate import calibrate
-from schuler.cli.characterize import characterize
 from schuler.cli.console import say
-from schuler.cli.demo import demo
-from schuler.cli.export import export
-from schuler.cli.fuse import faults, fuse
-from schuler.cli.navigate import navigate
-from schuler.cli.outages import outages
-from schuler.cli.simulate import simulate
-from schuler.cli.tune import tune
-from schuler.cli.warm import warm
-from schuler.errors import SchulerError
+from schuler.cli.registry import help_line, verbs
+from schuler.errors import InputError, SchulerError
 
 GOOD, FAILED_CHECK, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
 EPILOGUE = "Exit codes: 0 all is well, 1 a check failed, 2 bad input (one line on stderr says why)."
@@ -36,23 +25,23 @@ def _show_default(value: object) -> object:
     return None if value in (None, False, (), "") else value
 
 
-app = App(
-    name="schuler",
-    version=__version__,
-    help="MEMS inertial sensors: error models, and GNSS/INS with honest uncertainty.",
-    help_epilogue=EPILOGUE,
-    help_format="markdown",
-    default_parameter=Parameter(negative=(), show_default=_show_default),
-    suppress_keyboard_interrupt=False,
-)
-for _command in (
-    demo, characterize, calibrate, fuse, faults, navigate, observability, outages, tune,
-    simulate, export, warm,
-):  # fmt: skip
-    app.command(_command)
-for _point in sorted(entry_points(group="schuler.verbs")):
-    # A verb of another distribution (or of the papers): imported when it is called.
-    app.command(_point.value, name=_point.name)
+def program(arguments: Sequence[str]) -> App:
+    """Return the program with its verbs; only the one that is called is imported."""
+    app = App(
+        name="schuler",
+        version=__version__,
+        help="MEMS inertial sensors: error models, and GNSS/INS with honest uncertainty.",
+        help_epilogue=EPILOGUE,
+        help_format="plaintext",  # a list of single lines: markdown would only cost its import
+        default_parameter=Parameter(negative=(), show_default=_show_default),
+        suppress_keyboard_interrupt=False,
+    )
+    paths = verbs()
+    listed = not arguments or arguments[0] not in paths
+    for name, path in paths.items():
+        line = help_line(path) if listed else None
+        app.command(path, name=name, help=line, help_format="markdown")
+    return app
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -64,7 +53,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
-            code = app(
+            code = _imported(program(arguments), arguments)(
                 _joined(arguments),
                 exit_on_error=False,
                 print_error=False,
@@ -94,6 +83,23 @@ def run(arguments: Sequence[str]) -> int:
         return _bug(error)
 
 
+def _imported(app: App, arguments: Sequence[str]) -> App:
+    """Return the program when the verb that is called can be imported."""
+    path = verbs().get(arguments[0]) if arguments else None
+    if path is None:
+        return app
+    try:
+        app[arguments[0]]
+    except Exception as error:
+        if path.startswith("schuler."):
+            raise
+        raise InputError(
+            f"the verb '{arguments[0]}' of another package ({path}) cannot be used: {error}",
+            expected="a function that can be imported",
+        ) from error
+    return app
+
+
 def _bug(error: Exception) -> int:
     if os.environ.get("SCHULER_DEBUG"):
         raise error
@@ -116,7 +122,7 @@ def _bad_input(message: str, arguments: Sequence[str] = ()) -> int:
     command = arguments[0] if arguments and not arguments[0].startswith("-") else ""
     hint = ""
     if arguments:
-        known = command in {name for name in app if not name.startswith("-")}
+        known = command in verbs()
         hint = f" (see schuler {command} --help)" if known else " (see schuler --help)"
     say(message.rstrip(".") + hint)
     return BAD_INPUT

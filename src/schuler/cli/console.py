@@ -7,7 +7,7 @@ obeyed.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -84,6 +84,18 @@ class Screen:
         grid.add_column()
         grid.add_row(plain_text(mark, style), plain_text(text))
         self.console.print(grid)
+
+    def findings(self, found: Iterable[tuple[str, str]], *, most: int = 1000) -> None:
+        """Print findings, each with how much it matters; those beyond `most` are counted."""
+        every = list(found)
+        for severity, text in every[:most]:
+            self.finding(severity, text)
+        self.more(len(every) - most)
+
+    def more(self, left: int) -> None:
+        """Tell how many lines were left out."""
+        if left > 0:
+            self.line(f"... and {left} more (--json or --report has all)", "dim")
 
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], words: int = 1) -> None:
         """Print a table."""

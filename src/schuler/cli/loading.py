@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,6 +11,8 @@ from schuler.errors import InputError, SchulerError
 from schuler.execution.progress import progress
 
 if TYPE_CHECKING:
+    from schuler.cli.options.arrays import ArrayOptions
+    from schuler.cli.options.reading import DriveReading
     from schuler.data.array import ImuArray
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
@@ -92,18 +94,64 @@ def say_when_compiling() -> None:
 _told: list[bool] = []
 
 
-def title_of(path: Path) -> str:
-    """Return how people would name a recording: its folder and its file."""
-    whole = path.resolve()
-    return whole.name if whole.is_dir() else f"{whole.parent.name}/{whole.stem}".lstrip("/")
+def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecording, GnssRecording]:
+    """Read IMU and GNSS of a drive, repaired when asked."""
+    from schuler.data.imu import CHANNELS
+    from schuler.navigation.aiding.gnss import require_overlap
+    from schuler.screening.screen import repair, screen
 
-
-def parse_numbers(text: str, count: int, what: str, separator: str = ",") -> tuple[float, ...]:
-    """Return the numbers of an option such as ``0.1,0,-0.3``."""
+    recording = load_imu(imu, reading.imu_options())
+    fixes = load_gnss(gnss, reading.gnss_options())
     try:
-        numbers = tuple(float(part) for part in text.split(separator))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise InputError(f"'{text}' is not understood", expected=what)
-    return numbers
+        require_overlap(fixes, float(recording.time[0]), float(recording.time[-1]))
+    except SchulerError as error:
+        raise error.at(str(gnss)) from None
+    _require_deviations(fixes, gnss)
+    missing = [c for c in CHANNELS if c not in recording.channels]
+    if missing:
+        raise InputError(
+            f"has no {', '.join(missing)}",
+            expected="three gyros and three accelerometers",
+            cure="name the columns with --imu-column ROLE=NAME",
+            where=str(imu),
+        )
+    screening = screen(recording)
+    screening.require_usable()
+    if reading.repair:
+        recording = repair(recording, screening)
+    if reading.flip:
+        from schuler.navigation.preparation.diagnosis import check_flip, flipped
+
+        recording = flipped(recording, check_flip(reading.flip))
+    return recording, fixes
+
+
+def load_array_drive(
+    options: ArrayOptions, gnss: Path, reading: DriveReading
+) -> tuple[ImuArray, GnssRecording]:
+    """Read an array and the GNSS recording beside it."""
+    if options.mount and options.calibration is not None:
+        raise InputError(
+            "--mount and --calibration together", expected="one of them: both say how IMUs sit"
+        )
+    array = load_array(options.array, options.calibration, reading.imu_options())
+    mounting = options.mounting(array.count)
+    if mounting is not None:
+        array = replace(array, mounting=mounting)
+    fixes = load_gnss(gnss, reading.gnss_options())
+    _require_deviations(fixes, gnss)
+    return array, fixes
+
+
+def _require_deviations(fixes: GnssRecording, path: Path) -> None:
+    import numpy as np
+
+    for what, values in (("position", fixes.position_sd), ("velocity", fixes.velocity_sd)):
+        unknown = 0 if values is None else int(np.isnan(values).any(axis=1).sum())
+        if unknown:
+            raise InputError(
+                f"GNSS {what} has no standard deviation in {unknown} of {fixes.size} epochs",
+                expected="one for every epoch",
+                cure=f"give one for all with --gnss-{what}-sd",
+                where=str(path),
+            )

@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from schuler.cli.job import Result, working
 from schuler.errors import EstimationError, InputError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
-    from schuler.cli.outputs import Outputs
+    from schuler.cli.options.files import ModelFiles
     from schuler.data.imu import ImuRecording
     from schuler.estimation.comparison.methods import ImuMethodComparison
     from schuler.noise import NoiseModel
     from schuler.screening.screen import Screening
 
 MOST_FINDINGS = 24
-
-
-@dataclass(frozen=True, slots=True)
-class MethodFiles:
-    """What is read and written.
-
-    Parameters
-    ----------
-    file : Path
-        Recording.
-    report, json, noise_out, kalibr : Path or None
-        As for `schuler characterize`.
-    topic : str
-        Name of the ROS topic in the Kalibr file.
-    """
-
-    file: Path
-    report: Path | None
-    json: Path | None
-    noise_out: Path | None
-    kalibr: Path | None
-    topic: str
 
 
 def chosen_methods(named: tuple[str, ...], *, needs_model: bool) -> tuple[str, ...]:
@@ -59,56 +36,30 @@ def chosen_methods(named: tuple[str, ...], *, needs_model: bool) -> tuple[str, .
     return chosen
 
 
-def compare_and_write(
+def methods_result(
     imu: ImuRecording,
     screening: Screening,
     methods: tuple[str, ...],
-    files: MethodFiles,
-    outputs: Outputs,
-    *,
-    strict: bool,
-) -> int:
-    """Put the methods to every channel, write what was asked for, show the rest."""
-    from schuler.cli.console import Screen, say
-    from schuler.cli.loading import title_of
-    from schuler.cli.outputs import STDOUT, json_text
-    from schuler.cli.provenance import command_provenance
+    model: ModelFiles,
+    title: str,
+    failed: tuple[str, ...],
+) -> Result:
+    """Put the methods to every channel."""
     from schuler.estimation.comparison.methods import compare_methods_imu
-    from schuler.execution.progress import progress
 
-    with progress("Finding the noise") as shown:
-
-        def told(what: str, share: float) -> None:
-            shown.say(what)
-            shown.share(share)
-
-        comparison = compare_methods_imu(imu, methods, told=told)
-    origin = command_provenance(inputs=(files.file,), settings={"methods": list(methods)})
-    if files.report is not None:
-        from schuler.report import render_report
-
-        title = f"Noise of {title_of(files.file)}, {len(methods)} methods"
-        if len(methods) == 1:
-            title = f"Noise of {title_of(files.file)} by {methods[0]}"
-        page = render_report(comparison, screening, imu, title=title, provenance=origin)
-        outputs.text(files.report, lambda: page)
-    more = {"screening": screening.to_dict(), "provenance": origin.to_dict()}
-    outputs.text(files.json, lambda: json_text(_to_dict(comparison, methods[0]) | more))
-    if files.noise_out is not None or files.kalibr is not None:
-        model = noise_model_of(comparison, methods[0])
-        outputs.text(files.noise_out, model.to_yaml)
-        if files.kalibr is not None:
-            from schuler.io.kalibr import kalibr_yaml
-
-            text = kalibr_yaml(model, rate=imu.rate, topic=files.topic)
-            outputs.text(files.kalibr, lambda: text)
-    written = outputs.commit()
-    show_methods(Screen(json_on_stdout=files.json == STDOUT), comparison, written)
-    watch = sum(f.severity != "info" for f in screening.findings)
-    if strict and watch:
-        say(f"check failed: {watch} finding{'' if watch == 1 else 's'} to watch")
-        return 1
-    return 0
+    with working("Finding the noise") as shown:
+        comparison = compare_methods_imu(imu, methods, told=shown.tell)
+    first, many = methods[0], len(methods) > 1
+    return Result(
+        title=f"{title}, {len(methods)} methods" if many else f"{title} by {first}",
+        sections=(comparison, screening, imu),
+        show=lambda screen: show_methods(screen, comparison),
+        json=lambda: _to_dict(comparison, first) | {"screening": screening.to_dict()},
+        settings={"methods": list(methods)},
+        texts=model.texts(noise_model_of(comparison, first), imu.rate) if model.wanted else (),
+        with_origin=True,
+        failed=failed,
+    )
 
 
 def _to_dict(comparison: ImuMethodComparison, first: str) -> dict[str, Any]:
@@ -152,13 +103,11 @@ def noise_model_of(comparison: ImuMethodComparison, method: str) -> NoiseModel:
     )
 
 
-def show_methods(
-    screen: Screen, comparison: ImuMethodComparison, written: tuple[Path, ...] = ()
-) -> None:
+def show_methods(screen: Screen, comparison: ImuMethodComparison) -> None:
     """Print the parameters by method and what to think of them."""
     from schuler.report.numbers import duration
-    from schuler.report.sections.estimators import predictor_rows
-    from schuler.report.sections.methods import parameter_table, residual_words
+    from schuler.report.sections.noise.estimators import predictor_rows
+    from schuler.report.sections.noise.methods import parameter_table, residual_words
 
     screen.heading(
         f"Noise of {comparison.recording_name} by {', '.join(comparison.methods)}",
@@ -174,10 +123,5 @@ def show_methods(
         screen.table(
             ("channel", "method", "what is left"), residual_words(comparison.channels), words=3
         )
-    findings = comparison.findings
-    for text in findings[:MOST_FINDINGS]:
-        screen.finding("warning" if "methods differ" in text else "info", text)
-    if len(findings) > MOST_FINDINGS:
-        screen.line(f"... and {len(findings) - MOST_FINDINGS} more (see the report)", "dim")
-    for path in written:
-        screen.line(f"wrote {path}", "dim")
+    found = (("warning" if "methods differ" in f else "info", f) for f in comparison.findings)
+    screen.findings(found, most=MOST_FINDINGS)

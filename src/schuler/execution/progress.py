@@ -44,6 +44,11 @@ class Progress:
 
             self._display.update(self._task, description=escape(f"{self._title}: {text}"))
 
+    def tell(self, text: str, done: float) -> None:
+        """Tell both."""
+        self.say(text)
+        self.share(done)
+
 
 @contextmanager
 def progress(title: str) -> Iterator[Progress]:

@@ -1,1 +1,1 @@
-"""Commands, one module each."""
+"""The verbs of the command line, one module each, imported when it is called."""

@@ -1,0 +1,127 @@
+"""What every verb does: check the outputs, work, then write page, files and JSON, and show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from schuler.cli.console import Screen, say
+from schuler.cli.loading import say_when_compiling
+from schuler.cli.options.files import Written
+from schuler.cli.outputs import STDOUT, Outputs, json_text
+from schuler.execution.progress import Progress, progress
+
+if TYPE_CHECKING:
+    from schuler.report.provenance import Provenance
+
+GOOD, FAILED_CHECK = 0, 1
+
+
+def _nothing(screen: Screen) -> None:
+    """Show nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a verb found, and all that can be made of it.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page.
+    sections : tuple
+        Results that the page shows, in reading order.
+    show : callable
+        Prints the short answer.
+    json : callable
+        Returns what the JSON holds.
+    settings, seeds : mapping
+        What the result depends on beside its inputs.
+    texts, files : tuple of (Path or None, callable)
+        Other files: a function that returns the text, or one that writes to a path.
+    with_origin : bool
+        The JSON tells where it comes from.
+    failed : tuple of str
+        Checks that failed, each told in one line.
+    passed : bool
+        False where the answer itself is a failed check.
+    """
+
+    title: str = ""
+    sections: tuple[object, ...] = ()
+    show: Callable[[Screen], None] = _nothing
+    json: Callable[[], Any] = dict
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    seeds: Mapping[str, int] | None = None
+    texts: tuple[tuple[Path | None, Callable[[], str]], ...] = ()
+    files: tuple[tuple[Path | None, Callable[[Path], Any]], ...] = ()
+    with_origin: bool = False
+    failed: tuple[str, ...] = ()
+    passed: bool = True
+
+
+class Job:
+    """One call of a verb: its inputs and outputs, checked before the work starts.
+
+    Parameters
+    ----------
+    written : Written
+        Page and JSON.
+    *others : Path or None
+        Other files that will be written.
+    inputs : iterable of Path or None
+        Files that are read.
+    """
+
+    def __init__(
+        self, written: Written, *others: Path | None, inputs: Iterable[Path | None] = ()
+    ) -> None:
+        self.written = written
+        self.inputs = tuple(path for path in inputs if path is not None)
+        self.outputs = Outputs(*others, written.report, written.json, inputs=self.inputs)
+        self.screen = Screen(json_on_stdout=written.json == STDOUT)
+
+    def finish(self, result: Result) -> int:
+        """Write all files together, show the answer, and return the exit code."""
+        origin = self._origin(result)
+        if self.written.report is not None:
+            from schuler.report import render_report
+
+            page = render_report(*result.sections, title=result.title, provenance=origin)
+            self.outputs.text(self.written.report, lambda: page)
+        for path, write in result.files:
+            self.outputs.file(path, write)
+        for path, make in result.texts:
+            self.outputs.text(path, make)
+        self.outputs.text(self.written.json, lambda: json_text(_with_origin(result, origin)))
+        paths = self.outputs.commit()
+        result.show(self.screen)
+        for path in paths:
+            self.screen.line(f"wrote {path}", "dim")
+        for check in result.failed:
+            say(f"check failed: {check}")
+        return GOOD if result.passed and not result.failed else FAILED_CHECK
+
+    def _origin(self, result: Result) -> Provenance | None:
+        if self.written == Written():
+            return None
+        from schuler.cli.provenance import command_provenance
+
+        return command_provenance(inputs=self.inputs, seeds=result.seeds, settings=result.settings)
+
+
+def _with_origin(result: Result, origin: Provenance | None) -> Any:
+    if not result.with_origin or origin is None:
+        return result.json()
+    return result.json() | {"provenance": origin.to_dict()}
+
+
+@contextmanager
+def working(title: str) -> Iterator[Progress]:
+    """Show that work goes on, and say when kernels have to be compiled first."""
+    say_when_compiling()
+    with progress(title) as shown:
+        yield shown

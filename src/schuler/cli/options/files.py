@@ -1,0 +1,110 @@
+"""Files that most verbs read and write, as options of the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from schuler.noise import NoiseModel
+
+Files = Annotated[tuple[Path, ...], Parameter(name="FILES", negative=())]
+"""The recordings of an array."""
+Clocks = Literal["auto", "shared", "own"]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Written:
+    """Files with the whole result.
+
+    Parameters
+    ----------
+    report : Path, optional
+        Write a self-contained HTML page here.
+    json : Path, optional
+        Write all results in SI here; - for standard output.
+    """
+
+    report: Path | None = None
+    json: Path | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ModelFiles:
+    """Files with the noise model.
+
+    Parameters
+    ----------
+    noise_out : Path, optional
+        Write the noise model as YAML here, for `schuler navigate --noise`.
+    kalibr : Path, optional
+        Write imu.yaml for Kalibr and its relatives here.
+    topic : str
+        Name of the ROS topic in the Kalibr file.
+    """
+
+    noise_out: Path | None = None
+    kalibr: Path | None = None
+    topic: str = "/imu0"
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there is a file to write."""
+        return self.noise_out is not None or self.kalibr is not None
+
+    def texts(
+        self, model: NoiseModel, rate: float
+    ) -> tuple[tuple[Path | None, Callable[[], str]], ...]:
+        """Return the files with what stands in them."""
+        from schuler.io.kalibr import kalibr_yaml
+
+        return (
+            (self.noise_out, model.to_yaml),
+            (self.kalibr, lambda: kalibr_yaml(model, rate=rate, topic=self.topic)),
+        )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Drive:
+    """Recordings of a run with one IMU.
+
+    Parameters
+    ----------
+    imu : Path
+        IMU recording: CSV, text, Parquet, NPZ, ROS bag, or a folder with imu.* in it.
+    gnss : Path
+        GNSS recording: the same formats, or RTKLIB .pos.
+    noise : Path, optional
+        Noise model as YAML, from `schuler characterize --noise-out`.
+    """
+
+    imu: Path
+    gnss: Path
+    noise: Path | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Run:
+    """Recordings of a run with one IMU or an array.
+
+    Parameters
+    ----------
+    gnss : Path
+        GNSS recording: CSV, text, Parquet, NPZ, ROS bag, or RTKLIB .pos.
+    imu : Path, optional
+        IMU recording: the same formats, or a folder with imu.* in it.
+    noise : Path, optional
+        Noise model as YAML, from `schuler characterize --noise-out`.
+    """
+
+    gnss: Path
+    imu: Path | None = None
+    noise: Path | None = None

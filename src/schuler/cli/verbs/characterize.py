@@ -1,0 +1,119 @@
+"""`schuler characterize`: a static log in, a noise model with errors out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from schuler.cli.job import Job, Result, working
+from schuler.cli.loading import load_imu
+from schuler.cli.options.files import ModelFiles, Written
+from schuler.cli.options.reading import ImuReading
+from schuler.cli.parsing import title_of
+
+if TYPE_CHECKING:
+    from schuler.cli.console import Screen
+    from schuler.data.imu import ImuRecording
+    from schuler.estimation.characterization import ImuCharacterization
+    from schuler.screening.screen import Screening
+
+MOST_FINDINGS = 8
+NARROW = 110
+"""Columns below which errors are written in brackets."""
+
+
+def characterize(
+    file: Path,
+    /,
+    *,
+    written: Written = Written(),
+    model: ModelFiles = ModelFiles(),
+    repair: bool = False,
+    strict: bool = False,
+    method: tuple[str, ...] = (),
+    reading: ImuReading = ImuReading(),
+) -> int:
+    """Find the noise model of an IMU from a log of it lying still.
+
+    Reads the log, screens it, computes the Allan deviation with its confidence, fits white
+    noise, Gauss-Markov, random walk and what else the data support, and says how far the
+    numbers can be trusted.
+
+    Parameters
+    ----------
+    file : Path
+        Static log: CSV, text, Parquet, NPZ, ROS 1 or ROS 2 bag, or a folder with imu.* in it.
+    repair : bool
+        Repair what the screening finds (knocks, outliers, repeated rows) before fitting.
+    strict : bool
+        Exit with code 1 when the screening finds something to watch that was not repaired.
+    method : tuple of str
+        How to find the noise: allan (the usual one), slope, psd, autocorrelation, gmwm,
+        gmwm-robust, ml, ar, ar-covariance, ar-yule-walker, arma, fos, garch, or all. Given more
+        than once, the methods are compared; noise model and Kalibr file come from the first.
+    """
+    from schuler.cli.methods import chosen_methods, methods_result
+
+    job = Job(written, model.noise_out, model.kalibr, inputs=(file,))
+    methods = chosen_methods(method, needs_model=model.wanted)
+    recording = load_imu(file, reading.options(repair=repair))
+    with working("Screening"):
+        recording, screening = screened(recording, repair=repair)
+    watch = sum(f.severity != "info" for f in screening.findings) if strict and not repair else 0
+    failed = (f"{watch} finding{'' if watch == 1 else 's'} to watch",) if watch else ()
+    title = f"Noise of {title_of(file)}"
+    if methods:
+        return job.finish(methods_result(recording, screening, methods, model, title, failed))
+    with working("Fitting the noise of every channel"):
+        from schuler.estimation.characterization import characterize_imu
+
+        found = characterize_imu(recording)
+    result = characterization_result(found, screening, recording, model, repaired=repair)
+    return job.finish(replace(result, title=title, failed=failed))
+
+
+def characterization_result(
+    found: ImuCharacterization,
+    screening: Screening,
+    recording: ImuRecording,
+    model: ModelFiles,
+    *,
+    repaired: bool,
+) -> Result:
+    """Return what becomes of the noise of a recording."""
+    return Result(
+        sections=(found, screening, recording),
+        show=lambda screen: show_characterization(screen, found, screening, repaired=repaired),
+        json=lambda: found.to_dict() | {"screening": screening.to_dict()},
+        settings={"repair": repaired},
+        texts=model.texts(found.noise_model, recording.rate),
+        with_origin=True,
+    )
+
+
+def screened(imu: ImuRecording, *, repair: bool) -> tuple[ImuRecording, Screening]:
+    """Return a recording that can be used, repaired when asked, and what is to be said of it."""
+    from schuler.screening.screen import repair as repair_recording
+    from schuler.screening.screen import screen
+
+    screening = screen(imu)
+    screening.require_usable()
+    return (repair_recording(imu, screening, close_up=True) if repair else imu), screening
+
+
+def show_characterization(
+    screen: Screen, result: ImuCharacterization, screening: Screening, *, repaired: bool
+) -> None:
+    """Print the noise model and what to think of it."""
+    from schuler.report.sections.noise.parameters import parameter_rows
+
+    screen.heading(f"Noise of {result.recording_name}")
+    narrow = screen.console.width < NARROW
+    columns, rows = parameter_rows(result.noise_model, "datasheet", short=True, compact=narrow)
+    screen.table(columns, rows, words=2)
+    screen.findings(("info", text) for text in result.findings)
+    serious = [(f.severity, f.message) for f in screening.findings if f.severity != "info"]
+    screen.findings(serious, most=MOST_FINDINGS)
+    if screening.disturbed and not repaired:
+        screen.line("--repair cuts out knocks and outliers before the fit.", "dim")
