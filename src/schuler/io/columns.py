@@ -125,8 +125,8 @@ GNSS_ROLES: dict[str, str] = {
     "course": r"bearing(?:degrees)?|locationcourse|course|courseoverground|cog|track"
     r"|headingofmotion|headmot",
     "position_sd": _POSITION_SD,
-    "position_sd_north": rf"{_POSITION_SD}(?:north|n)|sdn|stdn|northsd|northstd",
-    "position_sd_east": rf"{_POSITION_SD}(?:east|e)|sde|stde|eastsd|eaststd",
+    "position_sd_north": rf"{_POSITION_SD}(?:north|n)|sdn|stdn|northsd|northstd|sdnorth|stdnorth",
+    "position_sd_east": rf"{_POSITION_SD}(?:east|e)|sde|stde|eastsd|eaststd|sdeast|stdeast",
     "position_sd_down": rf"{_POSITION_SD}(?:down|d|up|u)|sdu|sdd|stdu|stdd|"
     r"upsd|downsd|upstd|downstd",
     "horizontal_accuracy": r"(?:location)?(?:hacc|horizontalaccuracy|hdev|accuracy|eph)"

@@ -109,6 +109,9 @@ class Format:
         From path and named columns (those of `schuler navigate --out`) to the written file.
     write_recording : callable, optional
         From path and `ImuRecording` or `GnssRecording` to the written file.
+    beside : callable, optional
+        From the columns of a trajectory to the text of a file that belongs beside it, such as the
+        origin of local coordinates.
     write_noise : callable, optional
         From `NoiseModel` and `NoiseRequest` to the text of the file; bytes for a binary one.
     extra : str
@@ -124,6 +127,7 @@ class Format:
     open: Callable[[Path, What, ReadOptions], Source] | None = None
     write_trajectory: Callable[[Path, TrackColumns], None] | None = None
     write_recording: Callable[[Path, ImuRecording | GnssRecording], None] | None = None
+    beside: Callable[[TrackColumns], str] | None = None
     write_noise: Callable[[NoiseModel, NoiseRequest], str | bytes] | None = None
     extra: str = ""
 

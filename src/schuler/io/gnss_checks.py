@@ -132,7 +132,7 @@ def _name_the_cause(
                 cure=cure,
                 where=where,
             )
-    if plain > _DOUBTFUL:
+    if plain > _DOUBTFUL and float(np.median(np.hypot(*driven.T))) > _SPAN:
         notes.assumed("velocity does not fit the change of positions: check units and axes of both")
 
 

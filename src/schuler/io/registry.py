@@ -19,12 +19,13 @@ _TRACKS = "schuler.io.trajectories."
 _NOISE = "schuler.io.noise_forms."
 
 _READERS = (
-    *(_READ + m for m in ("rosbag",)),
-    *(_READ + m for m in ("rtklib", "long_rows")),
-    *(_TABLES + m for m in ("parquet", "npz", "text")),
+    *(_READ + m for m in ("rosbag", "ulog", "dataflash", "ubx", "novatel", "nmea", "matlab")),
+    *(_READ + m for m in ("rtklib", "sbet", "kitti", "gnss_logger", "phone_folder", "long_rows")),
+    *(_READ + m for m in ("loggers", "inertial_explorer", "kf_gins")),
+    *(_TABLES + m for m in ("parquet", "npz", "json_lines", "text")),
 )
-_TRAJECTORY_WRITERS = ()
-_NOISE_WRITERS = ()
+_TRAJECTORY_WRITERS = tuple(_TRACKS + m for m in ("local", "receivers", "maps"))
+_NOISE_WRITERS = tuple(_NOISE + m for m in ("ros", "slam", "post_processing"))
 
 
 @cache
@@ -180,6 +181,18 @@ def trajectory_format(name: str) -> Format:
         expected=f"out of {', '.join(f.name for f in writers)}, or an ending out of "
         f"{', '.join(endings)}",
     )  # fmt: skip
+
+
+def recording_format(name: str) -> Format:
+    """Find a writer of recordings by its name or by the ending of a file."""
+    writers = [f for f in formats() if f.write_recording is not None]
+    for one in writers:
+        if name.lower() == one.name or name.lower() in one.suffixes:
+            return one
+    raise InputError(
+        f"recordings are not written as '{name}'",
+        expected=f"out of {', '.join(f.name for f in writers)}, or their endings",
+    )
 
 
 def noise_format(name: str) -> Format:

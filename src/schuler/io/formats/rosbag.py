@@ -14,6 +14,7 @@ import numpy as np
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What, lacking
 from schuler.io.source import MemorySource
+from schuler.io.trajectories.mcap import write_recording, write_trajectory
 
 if TYPE_CHECKING:
     from schuler.io.options import ReadOptions
@@ -137,13 +138,15 @@ def _is_bag(start: Start) -> bool:
 
 FORMATS = (
     Format(
-        "rosbag",
+        "mcap",
         "a ROS 1 or ROS 2 bag",
         (".bag", ".db3", ".mcap"),
         ("imu", "gnss"),
         magic=(b"#ROSBAG V", b"SQLite format 3\x00", b"\x89MCAP0\r\n"),
         detect=_is_bag,
         open=open_bag,
+        write_trajectory=write_trajectory,
+        write_recording=write_recording,
         extra="ros",
     ),
 )

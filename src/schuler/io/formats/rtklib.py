@@ -17,6 +17,7 @@ import numpy as np
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What
 from schuler.io.source import Columns, MemorySource
+from schuler.io.trajectories.receivers import write_pos
 
 if TYPE_CHECKING:
     from schuler.io.options import ReadOptions
@@ -158,5 +159,13 @@ def _join_degrees(columns: Columns) -> Columns:
 
 
 FORMATS = (
-    Format("rtklib", "an RTKLIB solution", (".pos",), ("gnss",), detect=is_pos, open=open_pos),
+    Format(
+        "rtklib",
+        "a solution of RTKLIB",
+        (".pos",),
+        ("gnss",),
+        detect=is_pos,
+        open=open_pos,
+        write_trajectory=write_pos,
+    ),
 )

@@ -12,6 +12,7 @@ from schuler.io.columns import bare
 from schuler.io.format import Format, What
 from schuler.io.source import Columns
 from schuler.io.tables.numbers import RATE_NAMES, positive_rate, seconds_of_nanoseconds
+from schuler.io.trajectories.table import recording_parquet, write_parquet
 
 if TYPE_CHECKING:
     from schuler.io.options import ReadOptions
@@ -120,5 +121,7 @@ FORMATS = (
         ("imu", "gnss", "sensor"),
         magic=(b"PAR1",),
         open=open_parquet,
+        write_trajectory=write_parquet,
+        write_recording=recording_parquet,
     ),
 )

@@ -26,6 +26,7 @@ from schuler.io.tables.fields import (
     split_all,
 )
 from schuler.io.tables.layout import Layout, find_layout
+from schuler.io.trajectories.table import recording_csv, write_csv
 
 if TYPE_CHECKING:
     import polars
@@ -396,11 +397,13 @@ _BINARY = {".parquet", ".npz", ".bag", ".db3", ".mcap"}
 
 FORMATS = (
     Format(
-        "text",
+        "csv",
         "CSV and other text",
         (".csv", ".txt", ".tsv", ".dat", ".log", ".asc"),
         ("imu", "gnss", "sensor"),
         detect=_is_text,
         open=open_table,
+        write_trajectory=write_csv,
+        write_recording=recording_csv,
     ),
 )
