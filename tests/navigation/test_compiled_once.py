@@ -20,8 +20,8 @@ from schuler.navigation.streaming import NavigationFilter
 
 def compiled():
     found = {}
-    for module in pkgutil.iter_modules(schuler.kernels.__path__):
-        loaded = importlib.import_module(f"schuler.kernels.{module.name}")
+    for module in pkgutil.walk_packages(schuler.kernels.__path__, "schuler.kernels."):
+        loaded = importlib.import_module(module.name)
         for name, value in vars(loaded).items():
             if hasattr(value, "py_func") and value.__module__ == loaded.__name__:
                 found[f"{module.name}.{name}"] = len(value.signatures)
@@ -33,9 +33,10 @@ before = compiled()
 assert before["filter.run_filter"] == before["smoother.smooth_with_lag"] == 1, before
 assert {k: v for k, v in before.items() if v > 1} == {}, before
 
-drive = example_drive(60.0, standstill=20.0)
+drive = example_drive(120.0, standstill=20.0)
 imu, gnss = drive.imu, drive.gnss
-setup, begin = prepare(imu, gnss, example_noise()), float(imu.time[0])
+imu, setup = prepare(imu, gnss, example_noise())
+begin = float(imu.time[0])
 for lag in (None, 1.0):
     stream = NavigationFilter.from_setup(setup, imu, gnss, late=1.0, lag=lag)
     waiting = int(np.searchsorted(gnss.time, begin))

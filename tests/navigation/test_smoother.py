@@ -10,7 +10,7 @@ from twins import NOISE, draw_twin, navigation_errors, perfect
 
 from schuler import earth
 from schuler.data import GnssRecording, ImuRecording
-from schuler.kernels.smoother import Adjoint, Smoothed, smooth_nodes
+from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_nodes
 from schuler.navigation.aiding.schedule import POSITION, VELOCITY, AidingSchedule
 from schuler.navigation.engine import FilterRun, InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model

@@ -118,7 +118,7 @@ class AxisNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """What came out for one kind of sensor; see `schuler.kernels.redundancy.follow`.
+    """What came out for one kind of sensor; see `schuler.kernels.arrays.redundancy.follow`.
 
     Parameters
     ----------
@@ -252,8 +252,8 @@ def follow_sensors(
     extra: FloatArray | None = None,
 ) -> Followed:
     """Follow one kind of sensor through a recording."""
-    from schuler.kernels.redundancy import follow
-    from schuler.kernels.redundancy_data import (
+    from schuler.kernels.arrays.redundancy import follow
+    from schuler.kernels.arrays.redundancy_data import (
         FollowedOutputs,
         Redundancy,
         RedundantAxes,

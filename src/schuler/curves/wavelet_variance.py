@@ -244,7 +244,7 @@ def _checked(signal: ArrayLike, rate: float) -> FloatArray:
 
 
 def _running_sum(values: FloatArray) -> FloatArray:
-    from schuler.kernels.allan import integrate
+    from schuler.kernels.noise.allan import integrate
 
     theta = np.empty((1, values.size + 1))
     offset = values[:: max(1, values.size // 4096)].mean()
@@ -253,7 +253,7 @@ def _running_sum(values: FloatArray) -> FloatArray:
 
 
 def _plain(values: FloatArray, factors: NDArray[np.int64]) -> FloatArray:
-    from schuler.kernels.allan import allan_sums
+    from schuler.kernels.noise.allan import allan_sums
 
     theta = _running_sum(values)
     sums = np.empty(factors.size)
@@ -265,7 +265,7 @@ def _plain(values: FloatArray, factors: NDArray[np.int64]) -> FloatArray:
 def _of_coefficients(
     values: FloatArray, factors: NDArray[np.int64], tuning: BiweightTuning
 ) -> FloatArray:
-    from schuler.kernels.wavelet_variance import haar_coefficients
+    from schuler.kernels.noise.wavelet_variance import haar_coefficients
 
     theta = _running_sum(values)
     out = []
@@ -292,7 +292,7 @@ class _Drawn:
 
 def _residual(values: FloatArray) -> tuple[FloatArray, int]:
     """Samples less the local median, over the longest window in which the level stands still."""
-    from schuler.kernels.wavelet_variance import medians_at_nodes
+    from schuler.kernels.noise.wavelet_variance import medians_at_nodes
 
     best: FloatArray | None = None
     length = 0
@@ -319,7 +319,7 @@ def _residual(values: FloatArray) -> tuple[FloatArray, int]:
 
 def _drawn_to_level(values: FloatArray, tuning: BiweightTuning) -> _Drawn:
     """Draw every sample to its local level by the biweight; slow changes keep their size."""
-    from schuler.kernels.wavelet_variance import biweight_influence
+    from schuler.kernels.noise.wavelet_variance import biweight_influence
 
     residual, window = _residual(values)
     level = values - residual

@@ -276,7 +276,7 @@ def _evaluate(
     block: int,
 ) -> tuple[float, float, FloatArray, FloatArray]:
     """Log-likelihood, innovation variance, score and information at `logs`."""
-    from schuler.kernels.likelihood import likelihood_pass
+    from schuler.kernels.noise.likelihood import likelihood_pass
 
     moved = [logs, *(logs + _STEP * unit for unit in np.eye(logs.size))]
     built = [_states(with_logs(parts, names, m), dt, block) for m in moved]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.errors import NavigationError
-from schuler.kernels.filter_data import AidingOutputs, Filter, NodeOutputs, SampleOutputs
-from schuler.kernels.filter_data import FilterState as KernelState
+from schuler.kernels.navigation.filter_data import AidingOutputs, Filter, NodeOutputs, SampleOutputs
+from schuler.kernels.navigation.filter_data import FilterState as KernelState
 from schuler.navigation.aiding.schedule import GENERAL, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.outputs import measurement_bytes, node_bytes

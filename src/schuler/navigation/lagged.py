@@ -2,7 +2,7 @@
 
 For near real time: what a vehicle did five seconds ago is known much better than what it does
 now. Every node is smoothed from the last node within its lag, by the same recursion as over the
-whole interval (kernels/smoother.py).
+whole interval (kernels/navigation/smoother.py).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError, NavigationError
-from schuler.kernels.filter_data import NodeOutputs, SampleOutputs
+from schuler.kernels.navigation.filter_data import NodeOutputs, SampleOutputs
 from schuler.navigation.engine import FilterRun, NodeStretch
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.smoother import SmoothedRun, corrected_samples
@@ -115,7 +115,7 @@ def smooth_nodes_with_lag(
     LaggedNodes
         One row a node.
     """
-    from schuler.kernels.smoother import Adjoint, Smoothed, smooth_with_lag
+    from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_with_lag
 
     nodes, k = stretch.nodes, horizon.size
     s = nodes.covariance.shape[1]

@@ -1,8 +1,8 @@
 """Fixed-interval smoothing of a filter run: every sample sees the whole recording. Spec 7.8.
 
 Algebraically the Rauch-Tung-Striebel smoother, computed in the modified Bryson-Frazier form (see
-kernels/smoother.py). Between nodes, a quarter of a second apart at most, the estimated error of
-the filter is interpolated linearly.
+kernels/navigation/smoother.py). Between nodes, a quarter of a second apart at most, the estimated
+error of the filter is interpolated linearly.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     NavigationError
         The run did not keep what is needed.
     """
-    from schuler.kernels.smoother import Adjoint, Smoothed, smooth_nodes
+    from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_nodes
 
     nodes = run.nodes
     if not run.smoothable:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
-from schuler.kernels.filter_data import (
+from schuler.kernels.navigation.filter_data import (
     AIDING_ROW,
     AidingOutputs,
     Filter,
@@ -25,7 +25,7 @@ from schuler.kernels.filter_data import (
     Samples,
     Schedule,
 )
-from schuler.kernels.filter_data import FilterState as KernelState
+from schuler.kernels.navigation.filter_data import FilterState as KernelState
 from schuler.navigation.aiding.schedule import (
     GENERAL,
     POSITION,

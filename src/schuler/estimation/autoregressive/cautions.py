@@ -113,7 +113,7 @@ def _about_yule_walker(
 
 
 def _about_residuals(series: Series, a: FloatArray) -> list[Caution]:
-    from schuler.kernels.autoregressive import one_step_residuals
+    from schuler.kernels.noise.autoregressive import one_step_residuals
 
     y = series.values
     residuals = np.empty(y.size - a.size)

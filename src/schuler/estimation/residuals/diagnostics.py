@@ -171,7 +171,7 @@ def diagnose_residuals(
 
 def process_residuals(signal: ArrayLike, process: Process, rate: float) -> FloatArray:
     """One-step prediction errors of the Kalman filter that a process makes optimal."""
-    from schuler.kernels.prediction import kalman_states
+    from schuler.kernels.noise.prediction import kalman_states
 
     values = np.asarray(signal, dtype=np.float64)
     values = values - values.mean()

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.covariance import navigation_rows, work_rows
-from schuler.kernels.filter_data import FilterState, SensorModel, Work
+from schuler.kernels.navigation.covariance import navigation_rows, work_rows
+from schuler.kernels.navigation.filter_data import FilterState, SensorModel, Work
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -1,7 +1,7 @@
 """One door to all kinds of aiding measurements: what is compared, and how it depends on the state.
 
-Kinds 0 and 1 are in kernels/update.py, what a vehicle tells (2 to 4) in kernels/vehicle.py, those
-whose rows carry their derivatives (5 and 9) in kernels/general_aiding.py.
+Kinds 0 and 1 are in update.py, what a vehicle tells (2 to 4) in vehicle.py, those whose rows carry
+their derivatives (5 and 9) in general_aiding.py.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.kernels.attitude_aiding import heading_model, magnetic_model
 from schuler.kernels.compile import kernel
-from schuler.kernels.filter_data import Filter
-from schuler.kernels.general_aiding import general_model
-from schuler.kernels.transition import correct_sample
-from schuler.kernels.update import (
+from schuler.kernels.navigation.attitude_aiding import heading_model, magnetic_model
+from schuler.kernels.navigation.filter_data import Filter
+from schuler.kernels.navigation.general_aiding import general_model
+from schuler.kernels.navigation.transition import correct_sample
+from schuler.kernels.navigation.update import (
     add_offset_states,
     add_rate_noise,
     measurement_model,
 )
-from schuler.kernels.vehicle import (
+from schuler.kernels.navigation.vehicle import (
     vehicle_velocity_model,
     zero_rate_model,
     zero_velocity_model,

@@ -1,6 +1,6 @@
 """What a wheeled vehicle tells: it moves along its forward axis, and sometimes not at all.
 
-The kinds of measurement that follow those of kernels/update.py:
+The kinds of measurement that follow those of kernels/navigation/update.py:
 
     2  velocity in vehicle axes (forward, right, down) at the point that does not slip
     3  zero velocity in NED
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.filter_data import (
+from schuler.kernels.navigation.filter_data import (
     FilterState,
     Measurement,
     Rules,
@@ -38,7 +38,7 @@ from schuler.kernels.filter_data import (
     VehicleWork,
     Work,
 )
-from schuler.kernels.update import clear
+from schuler.kernels.navigation.update import clear
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -5,7 +5,7 @@ A measurement has up to three independent components. Its kinds are numbered:
     0  position of the antenna (latitude, longitude, height), residual in NED metres
     1  velocity of the antenna in NED
 
-What a vehicle tells (kinds 2 to 4) is in kernels/vehicle.py. To the components of any kind states
+What a vehicle tells (kinds 2 to 4) is in vehicle.py. To the components of any kind states
 may be added that show in the measurement only: slowly varying errors of GNSS, a barometer's bias.
 
 Residuals are predicted minus measured, so that z = H x + noise with x = computed - true.
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.geodesy import radii_of_curvature
-from schuler.kernels.strapdown import rotate_after, rotation_from_quaternion
+from schuler.kernels.navigation.geodesy import radii_of_curvature
+from schuler.kernels.navigation.strapdown import rotate_after, rotation_from_quaternion
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

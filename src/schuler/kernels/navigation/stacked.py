@@ -18,18 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.constraint import constraint_model
-from schuler.kernels.covariance import channel_rows, navigation_rows
-from schuler.kernels.geodesy import radii_of_curvature
-from schuler.kernels.strapdown import (
+from schuler.kernels.navigation.constraint import constraint_model
+from schuler.kernels.navigation.covariance import channel_rows, navigation_rows
+from schuler.kernels.navigation.geodesy import radii_of_curvature
+from schuler.kernels.navigation.strapdown import (
     coning_and_sculling,
     remember_sample,
     rotate_after,
     rotation_from_quaternion,
     strapdown_step,
 )
-from schuler.kernels.transition import correct_sample, move_sensor_states, sensor_transition
-from schuler.kernels.update import (
+from schuler.kernels.navigation.transition import (
+    correct_sample,
+    move_sensor_states,
+    sensor_transition,
+)
+from schuler.kernels.navigation.update import (
     add_rate_noise,
     feed_back,
     innovation_statistics,

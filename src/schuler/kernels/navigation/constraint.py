@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.geodesy import radii_of_curvature
+from schuler.kernels.navigation.geodesy import radii_of_curvature
 
 Array = NDArray[np.float64]
 

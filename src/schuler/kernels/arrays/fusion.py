@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.kernels.arrays.redundancy_data import Plan
 from schuler.kernels.compile import kernel
-from schuler.kernels.redundancy_data import Plan
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

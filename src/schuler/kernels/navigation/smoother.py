@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.filter_data import AidingOutputs, NodeOutputs
-from schuler.kernels.structures import Matrix, Vector, reals, structure
+from schuler.kernels.navigation.filter_data import AidingOutputs, NodeOutputs
+from schuler.kernels.structure_fields import Matrix, Vector, reals
+from schuler.kernels.structures import structure
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.filter_data import FilterState, SensorModel, Work
+from schuler.kernels.navigation.filter_data import FilterState, SensorModel, Work
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -1,10 +1,10 @@
 """Measurements of attitude: a heading, and the earth's magnetic field in three axes.
 
-The kinds of measurement that follow those of kernels/vehicle.py and the linear one:
+The kinds of measurement that follow those of kernels/navigation/vehicle.py and the linear one:
 
     6  heading of a direction of the body (two antennas, a compass)
     7  magnetic field in body axes
-    8  height (kernels/update.py, the down component of a position)
+    8  height (kernels/navigation/update.py, the down component of a position)
 
 With C = C_nb and psi the attitude error, C_computed = (I - [psi x]) C: a direction d = C u that is
 computed is off by -psi x d, and a field seen in the body, C' m, by C' (psi x m). Groves, 2nd ed.,
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.update import clear
+from schuler.kernels.navigation.update import clear
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.kernels.structures import (
+from schuler.kernels.structure_fields import (
     ArrayField,
     Counter,
     Flags,
@@ -20,12 +20,10 @@ from schuler.kernels.structures import (
     Number,
     Places,
     Vector,
-    carve,
     reals,
     seen,
-    size_of,
-    structure,
 )
+from schuler.kernels.structures import carve, size_of, structure
 
 FloatArray = NDArray[np.float64]
 Rows3 = Annotated[FloatArray, reals(None, 3)]

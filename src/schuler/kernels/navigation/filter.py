@@ -17,14 +17,18 @@ from __future__ import annotations
 
 import math
 
-from schuler.kernels.aiding import aiding_model, constraint_applies, read_measurement
 from schuler.kernels.compile import kernel
-from schuler.kernels.covariance import propagate_covariance
-from schuler.kernels.filter_data import Filter
-from schuler.kernels.geodesy import radii_of_curvature
-from schuler.kernels.robust import adapt_noise, robust_weight, scale_noise
-from schuler.kernels.strapdown import coning_and_sculling, remember_sample, strapdown_step
-from schuler.kernels.transition import (
+from schuler.kernels.navigation.aiding import aiding_model, constraint_applies, read_measurement
+from schuler.kernels.navigation.covariance import propagate_covariance
+from schuler.kernels.navigation.filter_data import Filter
+from schuler.kernels.navigation.geodesy import radii_of_curvature
+from schuler.kernels.navigation.robust import adapt_noise, robust_weight, scale_noise
+from schuler.kernels.navigation.strapdown import (
+    coning_and_sculling,
+    remember_sample,
+    strapdown_step,
+)
+from schuler.kernels.navigation.transition import (
     accumulate_transition,
     correct_sample,
     move_sensor_states,
@@ -34,7 +38,7 @@ from schuler.kernels.transition import (
     sensor_transition,
     set_blocks,
 )
-from schuler.kernels.update import feed_back, innovation_statistics, scalar_update
+from schuler.kernels.navigation.update import feed_back, innovation_statistics, scalar_update
 
 
 @kernel()

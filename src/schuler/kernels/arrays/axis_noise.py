@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from schuler.kernels.arrays.fusion import BoolArray, FloatArray, IntArray
+from schuler.kernels.arrays.redundancy_data import Plan
 from schuler.kernels.compile import kernel
-from schuler.kernels.fusion import BoolArray, FloatArray, IntArray
-from schuler.kernels.redundancy_data import Plan
 
 
 @kernel()
@@ -107,7 +107,7 @@ def load_sample(
     Parameters
     ----------
     measurements, arm_tensor, arm
-        As in `schuler.kernels.redundancy.follow`.
+        As in `schuler.kernels.arrays.redundancy.follow`.
     t : int
         The sample.
     bias : (M,) ndarray
@@ -277,7 +277,7 @@ def out_of_use(
     Parameters
     ----------
     measurements, arm_tensor, arm, fused
-        As in `schuler.kernels.redundancy.follow`.
+        As in `schuler.kernels.arrays.redundancy.follow`.
     start, stop : int
         Samples of the block.
     m : int

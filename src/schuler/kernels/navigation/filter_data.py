@@ -2,7 +2,7 @@
 
 m sensor states in blocks of at most w, s = 9 + m states in all; error states are position (m),
 velocity (m/s), attitude (rad), sensor states. Rows of `ROW` places keep arrays of the covariance
-step apart, see kernels/covariance.py.
+step apart, see kernels/navigation/covariance.py.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.kernels.structures import (
+from schuler.kernels.structure_fields import (
     ArrayField,
     Counter,
     Cube,
@@ -25,13 +25,11 @@ from schuler.kernels.structures import (
     Places3,
     Vector,
     Vector3,
-    carve,
     reals,
     seen,
-    size_of,
-    structure,
     wholes,
 )
+from schuler.kernels.structures import carve, size_of, structure
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -223,7 +221,7 @@ class Rules:
 
     gate (4,): largest normalised innovation squared accepted for 0 to 3 degrees of freedom; after
     `patience` refusals in a row of one kind the next one is let in. robustness (9,): see
-    kernels/robust.py. vehicle: place of the vehicle's states among the sensor states (-1: none),
+    robust.py. vehicle: place of the vehicle's states among the sensor states (-1: none),
     mounting (3, 3) the nominal one; rolling, standing: see `constraint_applies`. Steps longer than
     `longest_step` are integrated in pieces. Nodes are made at least every `node_interval`.
     """

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from schuler.kernels.axis_noise import (
+from schuler.kernels.arrays.axis_noise import (
     follow_biases,
     follow_variances,
     load_sample,
@@ -19,16 +19,16 @@ from schuler.kernels.axis_noise import (
     tally,
     working_variances,
 )
-from schuler.kernels.compile import kernel
-from schuler.kernels.fusion import (
+from schuler.kernels.arrays.fusion import (
     arrange,
     axis_statistics,
     fuse_sample,
     weighted_squares,
     worst_unit,
 )
-from schuler.kernels.parity import let_in, smooth, take_out
-from schuler.kernels.redundancy_data import Redundancy
+from schuler.kernels.arrays.parity import let_in, smooth, take_out
+from schuler.kernels.arrays.redundancy_data import Redundancy
+from schuler.kernels.compile import kernel
 
 
 @kernel()

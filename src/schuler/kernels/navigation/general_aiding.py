@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.filter_data import Filter
-from schuler.kernels.geodesy import radii_of_curvature
+from schuler.kernels.navigation.filter_data import Filter
+from schuler.kernels.navigation.geodesy import radii_of_curvature
 
 
 @kernel()

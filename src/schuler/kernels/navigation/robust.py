@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.filter_data import Measurement
+from schuler.kernels.navigation.filter_data import Measurement
 
 Array = NDArray[np.float64]
 
