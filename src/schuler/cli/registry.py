@@ -21,6 +21,9 @@ VERBS = (
     "tune",
     "simulate",
     "export",
+    "convert",
+    "read",
+    "formats",
     "warm",
 )
 """Our verbs; each is a function of its name in a module of its name."""

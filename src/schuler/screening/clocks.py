@@ -46,7 +46,9 @@ def _axes_apart(imu: ImuRecording, gnss: GnssRecording) -> InputError | None:
         week = np.floor((first - _GPS_EPOCH + 18.0) / _WEEK)
         offset = _GPS_EPOCH + week * _WEEK - 18.0
         inside = first - offset < other[1] and other[0] < last - offset
-        hint = f"--imu-time-offset {-offset:.0f}" if turn > 0 else f"--gnss-time-offset {-offset:.0f}"
+        hint = (
+            f"--imu-time-offset {-offset:.0f}" if turn > 0 else f"--gnss-time-offset {-offset:.0f}"
+        )
         sure = "" if inside else ", if both are of one day"
         return InputError(
             f"the time of the {word} is Unix time (from {first:.3f} s), that of the other counts "
