@@ -22,6 +22,9 @@ VERBS = (
     "simulate",
     "export",
     "geometry",
+    "convert",
+    "read",
+    "formats",
     "warm",
 )
 """Our verbs; each is a function of its name in a module of its name."""
