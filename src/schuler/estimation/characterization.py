@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from schuler.curves.allan import allan_deviation
 from schuler.data.imu import ImuRecording
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, SchulerError
 from schuler.estimation.identification import Identification
 from schuler.estimation.joint_fit import fit_factors, identify_curve
@@ -25,7 +26,7 @@ _NOTABLE_ROUNDING = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuCharacterization:
+class ImuCharacterization(ToDict):
     """The noise of every recorded channel.
 
     Parameters
@@ -44,22 +45,14 @@ class ImuCharacterization:
         Length in s.
     """
 
+    JSON = "recording=recording_name rate_hz=rate duration_s=duration channels findings"
+
     recording_name: str
     channels: dict[str, Identification]
     noise_model: NoiseModel
     findings: tuple[str, ...]
     rate: float
     duration: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON: SI, with standard errors."""
-        return {
-            "recording": self.recording_name,
-            "rate_hz": self.rate,
-            "duration_s": self.duration,
-            "channels": {c: found.to_dict() for c, found in self.channels.items()},
-            "findings": list(self.findings),
-        }
 
 
 def characterize_imu(

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from schuler.curves.allan import AllanCurve
+from schuler.data.to_dict import ToDict, plain
 from schuler.estimation.record import RecordVerdict
+from schuler.estimation.result import fitted_to_dict
 from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum
 from schuler.types import FloatArray
@@ -46,7 +48,7 @@ class FitDiagnostics:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Identification:
+class Identification(ToDict):
     """The processes a signal is made of.
 
     Parameters
@@ -71,6 +73,8 @@ class Identification:
         What to know before use, in plain words; empty if nothing.
     """
 
+    JSON = "upper_limits_95=limits slope_method=slopes record=verdict"
+
     process: ProcessSum
     standard_errors: dict[str, float]
     intervals: dict[str, tuple[float, float]]
@@ -93,28 +97,14 @@ class Identification:
         return {key: values[key] for key in self.standard_errors}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the curve as plain Python for JSON, in SI."""
-        return {
-            "processes": [
-                {"kind": part.kind, "name": name, **part.parameters}
-                for name, part in zip(self.process.names, self.process.parts, strict=True)
-            ],
-            "parameters": {
-                key: {
-                    "value": value,
-                    "standard_error": self.standard_errors[key],
-                    "interval_95": list(self.intervals[key]),
-                }
-                for key, value in self.parameters.items()
-            },
-            "upper_limits_95": dict(self.limits),
-            "misfit": {
-                "chi_square": self.diagnostics.chi_square,
-                "degrees_of_freedom": self.diagnostics.degrees_of_freedom,
-                "discrepancy": self.diagnostics.discrepancy,
-                "candidates": dict(self.diagnostics.candidates),
-            },
-            "slope_method": self.slopes.to_dict(),
-            "record": self.verdict.to_dict(),
-            **({"flags": list(self.flags)} if self.flags else {}),
+        """Return plain values for JSON, in SI."""
+        d = self.diagnostics
+        misfit = {
+            "chi_square": d.chi_square,
+            "degrees_of_freedom": d.degrees_of_freedom,
+            "discrepancy": d.discrepancy,
+            "candidates": d.candidates,
         }
+        named = fitted_to_dict(self.process, self.standard_errors, self.intervals)
+        flags = {"flags": list(self.flags)} if self.flags else {}
+        return ToDict.to_dict(self) | named | {"misfit": plain(misfit)} | flags

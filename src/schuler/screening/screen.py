@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 
 Severity = Literal["info", "warning", "error"]
@@ -20,7 +21,7 @@ _SHOWN = 5  # intervals named in a message
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(ToDict):
     """One thing that was seen.
 
     Parameters
@@ -42,6 +43,8 @@ class Finding:
         What the user can do about it; empty where the message says all.
     """
 
+    JSON = "kind severity message channels intervals_s=intervals value cure"
+
     kind: str
     severity: Severity
     message: str
@@ -55,21 +58,9 @@ class Finding:
         """Message and cure in one line."""
         return f"{self.message}; {self.cure}" if self.cure else self.message
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        return {
-            "kind": self.kind,
-            "severity": self.severity,
-            "message": self.message,
-            "channels": list(self.channels),
-            "intervals_s": [list(i) for i in self.intervals],
-            "value": self.value,
-            "cure": self.cure,
-        }
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Screening:
+class Screening(ToDict):
     """What was seen in a recording.
 
     Parameters
@@ -97,6 +88,11 @@ class Screening:
     rest : tuple of (float, float)
         Intervals in which the sensor stood still, s.
     """
+
+    JSON = (
+        "name samples=size duration_s=duration rate_hz=rate jitter_s=jitter static "
+        "disturbed_rows=disturbed rest_s=rest findings"
+    )
 
     name: str
     size: int
@@ -147,20 +143,9 @@ class Screening:
         return repair(imu, self, close_up=close_up)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values, SI units."""
-        return {
-            "name": self.name,
-            "samples": self.size,
-            "duration_s": self.duration,
-            "rate_hz": self.rate,
-            "jitter_s": self.jitter,
-            "static": self.static,
-            "repeated_rows": int(self.repeated.sum()),
-            "gaps": len(self.gaps),
-            "disturbed_rows": [list(d) for d in self.disturbed],
-            "rest_s": [list(r) for r in self.rest],
-            "findings": [f.to_dict() for f in self.findings],
-        }
+        """Return plain values for JSON, in SI."""
+        counts = {"repeated_rows": int(self.repeated.sum()), "gaps": len(self.gaps)}
+        return ToDict.to_dict(self) | counts
 
 
 def screen(imu: ImuRecording) -> Screening:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from schuler.arrays.redundant import TITLES, RedundantSensors, Sensor
 from schuler.arrays.tracking import Followed
+from schuler.data.to_dict import ToDict
 
 Kind = Literal["axis", "unit", "inconsistent", "missing"]
 
@@ -25,7 +26,7 @@ SHORTEST_GAP = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class FaultRecord:
+class FaultRecord(ToDict):
     """One fault.
 
     Parameters
@@ -50,6 +51,11 @@ class FaultRecord:
     other : str
         Who else could be to blame.
     """
+
+    JSON = (
+        "sensor kind name start_s=start stop_s=stop size statistic threshold "
+        "time_constant_s=time_constant other text"
+    )
 
     sensor: Sensor
     kind: Kind
@@ -84,23 +90,6 @@ class FaultRecord:
             size = f", off by {format_value(self.size, kind, digits=3)} so far"
         who = f"{what} of {self.name}" if self.kind == "unit" else f"{what} {self.name}"
         return line + f"{who} taken out{size} ({shown})"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        nan = np.isnan(self.statistic)
-        return {
-            "sensor": self.sensor,
-            "kind": self.kind,
-            "name": self.name,
-            "start_s": self.start,
-            "stop_s": self.stop,
-            "size": self.size,
-            "statistic": None if nan else self.statistic,
-            "threshold": None if nan else self.threshold,
-            "time_constant_s": self.time_constant,
-            "other": self.other,
-            "text": self.text,
-        }
 
 
 def fault_records(followed: Followed, time_constants: tuple[float, ...]) -> tuple[FaultRecord, ...]:

@@ -18,6 +18,7 @@ from schuler.arrays.detection.window_offsets import (
     window_offsets,
 )
 from schuler.data import ImuArray
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
 from schuler.types import FloatArray
 
@@ -123,7 +124,7 @@ class HealthyMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class LastingFault:
+class LastingFault(ToDict):
     """One lasting fault.
 
     Parameters
@@ -141,6 +142,8 @@ class LastingFault:
     other : str
         Who else could be to blame: of two IMUs, either.
     """
+
+    JSON = "* text"
 
     kind: Literal["axis", "unit"]
     name: str
@@ -163,11 +166,6 @@ class LastingFault:
             f"{format_value(self.size, 'angular rate', digits=3)} "
             f"(F = {self.statistic:.0f} over {self.threshold:.0f})"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        names = ("kind", "name", "start", "stop", "size", "statistic", "threshold", "other")
-        return {name: getattr(self, name) for name in names} | {"text": self.text}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
