@@ -10,6 +10,7 @@ import numpy as np
 
 from schuler.curves.allan import allan_deviation
 from schuler.data.imu import ImuRecording
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, SchulerError
 from schuler.estimation.identification import Identification
 from schuler.estimation.ieee952 import classical_reading, ieee952_to_dict
@@ -25,7 +26,7 @@ _NOTABLE_ROUNDING = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuCharacterization:
+class ImuCharacterization(ToDict):
     """The noise of every recorded channel.
 
     Parameters
@@ -44,6 +45,8 @@ class ImuCharacterization:
         Length in s.
     """
 
+    JSON = "recording=recording_name rate_hz=rate duration_s=duration channels findings"
+
     recording_name: str
     channels: dict[str, Identification]
     noise_model: NoiseModel
@@ -53,19 +56,11 @@ class ImuCharacterization:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON: SI, with standard errors."""
-        return {
-            "recording": self.recording_name,
-            "rate_hz": self.rate,
-            "duration_s": self.duration,
-            "channels": {c: found.to_dict() for c, found in self.channels.items()},
-            "ieee952": {
-                c: ieee952_to_dict(
-                    found.ieee952, classical_reading(found.curve, found.slopes, found.process)
-                )
-                for c, found in self.channels.items()
-            },
-            "findings": list(self.findings),
+        coefficients = {
+            c: ieee952_to_dict(one.ieee952, classical_reading(one.curve, one.slopes, one.process))
+            for c, one in self.channels.items()
         }
+        return ToDict.to_dict(self) | {"ieee952": coefficients}
 
 
 def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCharacterization:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.curves.autocorrelation import AutocorrelationCurve
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.noise import GaussMarkov, ProcessSum, WhiteNoise
@@ -29,7 +29,7 @@ _RULES = Rules(iterations=30, damping=1e-9, longest=0.7, ridge=1e-12, gain=(1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GaussMarkovCorrelation:
+class GaussMarkovCorrelation(ToDict):
     """White noise and one Gauss-Markov noise fitted to an autocovariance.
 
     Parameters
@@ -60,6 +60,12 @@ class GaussMarkovCorrelation:
         lags" (Tc is as long as the search reached), "white part not resolved".
     """
 
+    JSON = (
+        "sigma correlation_time_s=correlation_time white_variance standard_errors "
+        "relative_sampling_error=sampling_error misfit degrees_of_freedom p_value exponential "
+        "flags"
+    )
+
     sigma: float
     correlation_time: float
     white_variance: float
@@ -84,21 +90,6 @@ class GaussMarkovCorrelation:
         if self.white_variance <= 0.0:
             return ProcessSum((noise,))
         return WhiteNoise(math.sqrt(self.white_variance / self.rate)) + noise
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all of it but the lags as plain Python for JSON, in SI."""
-        return {
-            "sigma": self.sigma,
-            "correlation_time_s": self.correlation_time,
-            "white_variance": self.white_variance,
-            "standard_errors": dict(self.standard_errors),
-            "relative_sampling_error": self.sampling_error,
-            "misfit": self.misfit,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "p_value": self.p_value,
-            "exponential": self.exponential,
-            "flags": list(self.flags),
-        }
 
 
 def fit_gauss_markov(curve: AutocorrelationCurve) -> GaussMarkovCorrelation:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
+from schuler.data.to_dict import ToDict
 from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.evaluation.floor import white_noise_floor
@@ -40,7 +41,7 @@ LONGEST_STEP = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutageWindow:
+class OutageWindow(ToDict):
     """One outage, judged at every epoch that was withheld.
 
     Parameters
@@ -63,6 +64,11 @@ class OutageWindow:
     floor : (k,) ndarray or None
         What white noise alone does, see `white_noise_floor`, m; None: not asked for.
     """
+
+    JSON = (
+        "start_s duration_s max_m mean_m rms_m end_m claimed_sd_m end_claimed_sd_m "
+        "white_noise_floor_m=floor_m within_2_sigma"
+    )
 
     start_s: float
     duration_s: float
@@ -100,24 +106,9 @@ class OutageWindow:
         """White-noise floor at the last withheld epoch, m."""
         return None if self.floor is None else float(self.floor[-1])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-        return {
-            "start_s": self.start_s,
-            "duration_s": self.duration_s,
-            "max_m": self.max_m,
-            "mean_m": self.mean_m,
-            "rms_m": self.rms_m,
-            "end_m": self.end_m,
-            "claimed_sd_m": self.claimed_sd_m,
-            "end_claimed_sd_m": self.end_claimed_sd_m,
-            "white_noise_floor_m": self.floor_m,
-            "within_2_sigma": self.within_2_sigma,
-        }
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutageStatistics:
+class OutageStatistics(ToDict):
     """All windows of one kind of solution.
 
     Parameters
@@ -125,6 +116,11 @@ class OutageStatistics:
     windows : tuple of OutageWindow
         In order of time.
     """
+
+    JSON = (
+        "mean_of_max_m median_of_max_m worst_m mean_m rms_m end_rms_m claimed_over_real "
+        "white_noise_floor_m=floor_m within_2_sigma windows"
+    )
 
     windows: tuple[OutageWindow, ...]
 
@@ -182,21 +178,9 @@ class OutageStatistics:
         return float(np.sqrt(np.mean(np.square(floors)))) if floors else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-        return {
-            "mean_of_max_m": self.mean_of_max_m,
-            "median_of_max_m": self.median_of_max_m,
-            "worst_m": self.worst_m,
-            "mean_m": self.mean_m,
-            "rms_m": self.rms_m,
-            "cep50_m": self.circular_error_m(0.5),
-            "cep95_m": self.circular_error_m(0.95),
-            "end_rms_m": self.end_rms_m,
-            "claimed_over_real": self.claimed_over_real,
-            "white_noise_floor_m": self.floor_m,
-            "within_2_sigma": self.within_2_sigma,
-            "windows": [w.to_dict() for w in self.windows],
-        }
+        """Return plain values for JSON, in SI."""
+        radius = {f"cep{k}_m": self.circular_error_m(k / 100.0) for k in (50, 95)}
+        return ToDict.to_dict(self) | radius
 
 
 @dataclass(frozen=True, slots=True, eq=False)

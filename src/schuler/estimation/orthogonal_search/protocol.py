@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 from schuler.estimation.innovation_floor import (
     check_prediction_floor,
@@ -41,7 +41,7 @@ class EvaluatedSearch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OrthogonalSearchProtocol:
+class OrthogonalSearchProtocol(ToDict):
     """The chosen model and its error on data that nothing was chosen by.
 
     Parameters
@@ -67,26 +67,6 @@ class OrthogonalSearchProtocol:
     horizons: tuple[int, ...]
     mean_square_error: tuple[float, ...]
     innovation_variance: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON."""
-        return {
-            "fit": self.fit.to_dict(),
-            "max_lag": self.max_lag,
-            "degree": self.degree,
-            "evaluated": [
-                {
-                    "max_lag": e.max_lag,
-                    "degree": e.degree,
-                    "terms": e.terms,
-                    "mean_square_error": e.mean_square_error,
-                }
-                for e in self.evaluated
-            ],
-            "horizons": list(self.horizons),
-            "mean_square_error": list(self.mean_square_error),
-            "innovation_variance": self.innovation_variance,
-        }
 
 
 def search_by_protocol(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data._checks import check_finite
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
 from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
-class HypothesisTest:
+class HypothesisTest(ToDict):
     """A test statistic and how likely chance alone exceeds it.
 
     Parameters
@@ -33,10 +33,6 @@ class HypothesisTest:
     statistic: float
     degrees_of_freedom: int
     p_value: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON."""
-        return asdict(self)
 
 
 def _chi_square(name: str, statistic: float, degrees_of_freedom: int) -> HypothesisTest:
@@ -219,7 +215,7 @@ def jarque_bera_test(residuals: ArrayLike) -> HypothesisTest:
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualTests:
+class ResidualTests(ToDict):
     """The tests of one residual series.
 
     Parameters
@@ -239,10 +235,6 @@ class ResidualTests:
     ljung_box_squares: HypothesisTest
     arch_lm: HypothesisTest
     jarque_bera: HypothesisTest
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON."""
-        return asdict(self)
 
 
 def residual_tests(residuals: ArrayLike, *, fitted_parameters: int = 0) -> ResidualTests | None:

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
+from schuler.data.to_dict import ToDict, plain
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.parts import parts_of_model
 from schuler.estimation.record import RecordVerdict, judge_record
+from schuler.estimation.result import fitted_to_dict
 from schuler.estimation.selection import Choice
 from schuler.estimation.spectrum.likelihood import (
     SpectrumPoints,
@@ -35,7 +37,7 @@ _VANISHED = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpectrumFit:
+class SpectrumFit(ToDict):
     """The processes behind a power spectral density.
 
     Parameters
@@ -71,6 +73,8 @@ class SpectrumFit:
         discrepancy was granted; "not converged".
     """
 
+    JSON = "slope_method=slopes record=verdict converged flags"
+
     process: ProcessSum
     standard_errors: dict[str, float]
     intervals: dict[str, tuple[float, float]]
@@ -92,30 +96,11 @@ class SpectrumFit:
         return {key: values[key] for key in self.standard_errors}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the curve as plain Python for JSON, in SI."""
-        return {
-            "processes": [
-                {"kind": part.kind, "name": name, **part.parameters}
-                for name, part in zip(self.process.names, self.process.parts, strict=True)
-            ],
-            "parameters": {
-                key: {
-                    "value": value,
-                    "standard_error": self.standard_errors[key],
-                    "interval_95": list(self.intervals[key]),
-                }
-                for key, value in self.parameters.items()
-            },
-            "misfit": {
-                "dispersion": self.dispersion,
-                "discrepancy": self.discrepancy,
-                "candidates": dict(self.candidates),
-            },
-            "slope_method": self.slopes.to_dict(),
-            "record": self.verdict.to_dict(),
-            "converged": self.converged,
-            "flags": list(self.flags),
-        }
+        """Return plain values for JSON, in SI."""
+        names = ("dispersion", "discrepancy", "candidates")
+        misfit = {"misfit": {name: plain(getattr(self, name)) for name in names}}
+        named = fitted_to_dict(self.process, self.standard_errors, self.intervals)
+        return ToDict.to_dict(self) | named | misfit
 
 
 def identify_spectrum(
