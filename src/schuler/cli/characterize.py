@@ -80,7 +80,6 @@ def characterize(
     from schuler.estimation.parts import checked_model
     from schuler.execution.progress import progress
     from schuler.screening.screen import longest_rest, screen
-    from schuler.screening.screen import repair as repair_recording
 
     outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
     methods = chosen_methods(method, needs_model=noise_out is not None or kalibr is not None)
@@ -94,7 +93,7 @@ def characterize(
             imu = longest_rest(imu, screening)
             screening = screen(imu)
         if repair:
-            imu = repair_recording(imu, screening, close_up=True)
+            imu = repair_until_clean(imu, screening)
     if methods:
         return compare_and_write(
             imu, screening, methods, MethodFiles(file, report, json, noise_out, kalibr, topic),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from schuler.curves.allan_curve import AllanCurve
+from schuler.estimation.disturbances.lines import Line
 from schuler.estimation.ieee952 import (
     Coefficient,
     classical_reading,
@@ -78,6 +79,8 @@ class Identification:
         Record length against need.
     flags : tuple of str
         What to know before use, in plain words; empty if nothing.
+    lines : tuple of Line
+        Lines of vibration that were taken out first.
     """
 
     process: ProcessSum
@@ -89,6 +92,7 @@ class Identification:
     slopes: SlopeReadings
     verdict: RecordVerdict
     flags: tuple[str, ...] = field(default=(), kw_only=True)
+    lines: tuple[Line, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> str:
@@ -142,4 +146,5 @@ class Identification:
             "slope_method": self.slopes.to_dict(),
             "record": self.verdict.to_dict(),
             **({"flags": list(self.flags)} if self.flags else {}),
+            **({"lines": [line.to_dict() for line in self.lines]} if self.lines else {}),
         }

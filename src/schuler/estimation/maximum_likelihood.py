@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.estimation.curve_fit import limits_of
-from schuler.estimation.gmwm.fit import fit_gmwm_curves, tail_ratio
+from schuler.estimation.disturbances.outliers import contamination
+from schuler.estimation.gmwm.fit import fit_gmwm_curves
 from schuler.estimation.gmwm.scatter import (
     misfit,
     pooled_points,
@@ -151,7 +152,7 @@ def fit_maximum_likelihood(
             f"signal has {values.size} samples", expected=f"at least {_SHORTEST_RECORD}"
         )
     curve = wavelet_variance(values, rate)
-    begin = fit_gmwm_curves([curve], _known(model), tail_ratio(values))
+    begin = fit_gmwm_curves([curve], _known(model), contamination(values).ratio)
     flags = [f for f in begin.flags if f.startswith("heavy tails")]
     line = RateRamp(0.0)
     if any(isinstance(p, RateRamp) for p in begin.process.parts):
