@@ -79,7 +79,7 @@ def characterize(
     from schuler.cli.provenance import command_provenance
     from schuler.estimation.parts import checked_model
     from schuler.execution.progress import progress
-    from schuler.screening.screen import longest_rest, screen
+    from schuler.screening.screen import longest_rest, repair_until_clean, screen
 
     outputs = Outputs(report, json, noise_out, kalibr, inputs=(file,))
     methods = chosen_methods(method, needs_model=noise_out is not None or kalibr is not None)
