@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from schuler.curves.allan import allan_deviation
 from schuler.data.imu import ImuRecording
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, SchulerError
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
 from schuler.estimation.ieee952 import classical_reading, ieee952_to_dict
-from schuler.estimation.joint_fit import fit_factors, identify_curve
 from schuler.estimation.record import spell_duration
 from schuler.noise import NoiseModel, Process
 from schuler.types import FloatArray
@@ -85,18 +84,11 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
     """
     rate = imu.rate
     channels: dict[str, Identification] = {}
-    for data, sensor in ((imu.gyro, "gyro"), (imu.accel, "accel")):
-        names = [c for c in imu.channels if c.startswith(sensor)]
-        if not names:
-            continue
-        columns = ["xyz".index(c[-1]) for c in names]
-        values = data if len(columns) == 3 else data[:, columns]
-        curves = allan_deviation(values, rate, fit_factors(imu.size) / rate)
-        for j, name in enumerate(names):
-            try:
-                channels[name] = identify_curve(curves.column(j), model)
-            except SchulerError as error:
-                raise error.at(f"{imu.name}, {name}") from None
+    for name in imu.channels:
+        try:
+            channels[name] = identify_signal(imu.channel(name), rate, model)
+        except SchulerError as error:
+            raise error.at(f"{imu.name}, {name}") from None
     if not channels:
         raise EstimationError(f"recording '{imu.name}' has no channel", expected="at least one")
     return ImuCharacterization(
@@ -117,7 +109,7 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
 
 
 def _findings(imu: ImuRecording, channels: Mapping[str, Identification]) -> list[str]:
-    lines = [_record_length(imu, channels)]
+    lines = [*_flags(channels), _record_length(imu, channels)]
     lines += [text for c, found in channels.items() if (text := _crossing(c, found))]
     lines += [text for c, found in channels.items() if (text := _undecided(c, found))]
     lines += _not_seen(channels)
@@ -161,6 +153,15 @@ def _record_length(imu: ImuRecording, channels: Mapping[str, Identification]) ->
         f"{length} were recorded; the least certain parameter, {where}, is known to "
         f"{100.0 * error:.0f} %: 10 % would take about {spell_duration(verdict.wanted_duration)}"
     )
+
+
+def _flags(channels: Mapping[str, Identification]) -> list[str]:
+    """What was done to the signals, channels of the same flag together."""
+    said: dict[str, list[str]] = {}
+    for channel, found in channels.items():
+        for flag in found.flags:
+            said.setdefault(flag, []).append(channel)
+    return [f"{_join(names)}: {flag}" for flag, names in said.items()]
 
 
 def _crossing(channel: str, found: Identification) -> str | None:

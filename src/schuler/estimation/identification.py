@@ -8,6 +8,7 @@ from typing import Any
 
 from schuler.curves.allan_curve import AllanCurve
 from schuler.data.to_dict import ToDict, plain
+from schuler.estimation.disturbances.lines import Line
 from schuler.estimation.ieee952 import (
     Coefficient,
     classical_reading,
@@ -80,6 +81,8 @@ class Identification(ToDict):
         Record length against need.
     flags : tuple of str
         What to know before use, in plain words; empty if nothing.
+    lines : tuple of Line
+        Lines of vibration that were taken out first.
     """
 
     JSON = "upper_limits_95=limits slope_method=slopes record=verdict"
@@ -93,6 +96,7 @@ class Identification(ToDict):
     slopes: SlopeReadings
     verdict: RecordVerdict
     flags: tuple[str, ...] = field(default=(), kw_only=True)
+    lines: tuple[Line, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> str:
@@ -128,7 +132,8 @@ class Identification(ToDict):
             "candidates": d.candidates,
         }
         named = fitted_to_dict(self.process, self.standard_errors, self.intervals)
-        flags = {"flags": list(self.flags)} if self.flags else {}
+        more = {"flags": self.flags, "lines": self.lines}
         reading = classical_reading(self.curve, self.slopes, self.process)
         named |= {"ieee952": ieee952_to_dict(self.ieee952, reading)}
-        return ToDict.to_dict(self) | named | {"misfit": plain(misfit)} | flags
+        told = {"misfit": misfit} | {key: value for key, value in more.items() if value}
+        return ToDict.to_dict(self) | named | {key: plain(value) for key, value in told.items()}

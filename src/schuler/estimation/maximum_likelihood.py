@@ -19,7 +19,8 @@ from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_varian
 from schuler.data.to_dict import plain
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.estimation.curve_fit import limits_of
-from schuler.estimation.gmwm.fit import fit_gmwm_curves, tail_ratio
+from schuler.estimation.disturbances.outliers import contamination
+from schuler.estimation.gmwm.fit import fit_gmwm_curves
 from schuler.estimation.gmwm.scatter import (
     misfit,
     pooled_points,
@@ -145,7 +146,7 @@ def fit_maximum_likelihood(
             f"signal has {values.size} samples", expected=f"at least {_SHORTEST_RECORD}"
         )
     curve = wavelet_variance(values, rate)
-    begin = fit_gmwm_curves([curve], _known(model), tail_ratio(values))
+    begin = fit_gmwm_curves([curve], _known(model), contamination(values).ratio)
     flags = [f for f in begin.flags if f.startswith("heavy tails")]
     line = RateRamp(0.0)
     if any(isinstance(p, RateRamp) for p in begin.process.parts):

@@ -18,7 +18,15 @@ from schuler.errors import InputError
 from schuler.screening import motion, rows, stuck, values
 from schuler.screening.finding import Finding
 
-__all__ = ["Finding", "Screening", "clean_segments", "longest_rest", "repair", "screen"]
+__all__ = [
+    "Finding",
+    "Screening",
+    "clean_segments",
+    "longest_rest",
+    "repair",
+    "repair_until_clean",
+    "screen",
+]
 
 _SHOWN = 5  # intervals named in a message
 
@@ -230,6 +238,19 @@ def repair(imu: ImuRecording, screening: Screening, *, close_up: bool = False) -
         temperature=None if imu.temperature is None else imu.temperature[keep],
         history=tuple(history),
     )
+
+
+def repair_until_clean(imu: ImuRecording, screening: Screening, rounds: int = 5) -> ImuRecording:
+    """Repair and look again until nothing new is found: a knock may hide another."""
+    for _ in range(rounds):
+        mended = repair(imu, screening, close_up=True)
+        if mended is imu:
+            break
+        imu = mended
+        screening = screen(imu)
+        if not screening.disturbed and not screening.repeated.any():
+            break
+    return imu
 
 
 def longest_rest(imu: ImuRecording, screening: Screening) -> ImuRecording:

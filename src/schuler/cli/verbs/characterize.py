@@ -113,15 +113,14 @@ def screened(
     imu: ImuRecording, *, repair: bool, rest: bool = False
 ) -> tuple[ImuRecording, Screening]:
     """Return a recording that can be used, repaired when asked, and what is to be said of it."""
-    from schuler.screening.screen import longest_rest, screen
-    from schuler.screening.screen import repair as repair_recording
+    from schuler.screening.screen import longest_rest, repair_until_clean, screen
 
     screening = screen(imu)
     screening.require_usable()
     if rest:
         imu = longest_rest(imu, screening)
         screening = screen(imu)
-    return (repair_recording(imu, screening, close_up=True) if repair else imu), screening
+    return (repair_until_clean(imu, screening) if repair else imu), screening
 
 
 def _moved(screening: Screening) -> str:

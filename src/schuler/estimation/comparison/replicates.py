@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError
+from schuler.estimation.comparison.agreement import Agreement, compare_runs
 from schuler.estimation.comparison.methods import ImuMethodComparison
 from schuler.estimation.comparison.parameters import (
     AGREE,
@@ -15,7 +16,6 @@ from schuler.estimation.comparison.parameters import (
     combined_difference,
     comparable,
 )
-from schuler.estimation.replicates import Agreement, compare_runs
 from schuler.noise.parameter_names import spoken_name
 
 _SURE = 0.01
