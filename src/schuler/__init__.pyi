@@ -258,11 +258,9 @@ from .navigation.aiding.heading import (
 from .navigation.aiding.magnetometer import (
     Magnetometer as Magnetometer,
 )
+from .navigation.aiding.options import GnssWeighting as GnssWeighting
 from .navigation.aiding.options import (
     MeasurementOptions as MeasurementOptions,
-)
-from .navigation.aiding.weighting import (
-    GnssWeighting as GnssWeighting,
 )
 from .navigation.error_models.catalogue import (
     ErrorModel as ErrorModel,

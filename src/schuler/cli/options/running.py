@@ -90,8 +90,7 @@ class RunOptions:
 
     def _measurements(self) -> MeasurementOptions:
         from schuler.navigation.aiding.gnss import CorrelatedGnss
-        from schuler.navigation.aiding.options import MeasurementOptions
-        from schuler.navigation.aiding.weighting import GnssWeighting
+        from schuler.navigation.aiding.options import GnssWeighting, MeasurementOptions
 
         correlated = None
         if self.gnss_correlated is not None:

@@ -20,7 +20,7 @@ from schuler.errors import InputError, NavigationError
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.aiding.schedule import KIND_NAMES
 from schuler.navigation.engine import SMOOTHER_MEMORY, gate_thresholds
-from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import Fusion, fused_model
 from schuler.navigation.mechanizations.array_preparation import (

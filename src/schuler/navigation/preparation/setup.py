@@ -22,7 +22,7 @@ from schuler.navigation.aiding.schedule import (
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, SensorErrorModel
 from schuler.navigation.preparation.alignment import Alignment
-from schuler.navigation.preparation.condition import SOUND, DriveCondition
+from schuler.navigation.preparation.gaps import SOUND, DriveCondition
 from schuler.navigation.settings import NavigationSettings
 from schuler.navigation.stepping import NO_VEHICLE, InitialState, VehicleStates
 from schuler.navigation.tuning.vibration import VibrationResponse, vibration_level
