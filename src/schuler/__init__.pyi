@@ -252,6 +252,9 @@ from .navigation.aiding.general import (
 from .navigation.aiding.gnss import (
     CorrelatedGnss as CorrelatedGnss,
 )
+from .navigation.aiding.gnss import (
+    GnssErrorModel as GnssErrorModel,
+)
 from .navigation.aiding.heading import (
     Heading as Heading,
 )
@@ -402,6 +405,7 @@ __all__ = [
     "GarchFit",
     "GaussMarkov",
     "Geometry",
+    "GnssErrorModel",
     "GnssReceiver",
     "GnssRecording",
     "GnssWeighting",

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.navigation.aiding.general import MeasurementSource, placed_source
-from schuler.navigation.aiding.gnss import CorrelatedGnss
+from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
 from schuler.navigation.aiding.schedule import PlacedAiding
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.types import FloatArray
@@ -90,8 +90,9 @@ class MeasurementOptions:
     ----------
     weighting : GnssWeighting
         Gate, Huber or Student-t; adaptive noise.
-    correlated : CorrelatedGnss or None
-        Slow errors of GNSS positions as states; None: what a receiver says is white noise. The
+    correlated : CorrelatedGnss, GnssErrorModel or None
+        Slow errors of GNSS positions as states: of a given size, or as shares of what the receiver
+        claims, which the drive decides on; None: what a receiver says is white noise. The
         default is none, as a receiver's deviations do not tell how long its errors last, and the
         innovations of a filter that is sure of itself hardly do.
     sources : tuple of PlacedAiding or MeasurementSource
@@ -100,7 +101,7 @@ class MeasurementOptions:
     """
 
     weighting: GnssWeighting = CLAIMED
-    correlated: CorrelatedGnss | None = None
+    correlated: CorrelatedGnss | GnssErrorModel | None = None
     sources: tuple[PlacedAiding | MeasurementSource, ...] = ()
 
     @property

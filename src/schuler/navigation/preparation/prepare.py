@@ -42,6 +42,7 @@ from schuler.navigation.settings import (
     TimeOffset,
     nobody_listens,
 )
+from schuler.navigation.tuning.gnss_errors import fit_split
 from schuler.navigation.tuning.likelihood import enough_for_offsets, find_time_offset, velocity_lag
 from schuler.navigation.tuning.tune import tune
 from schuler.noise.noise_model import NoiseModel
@@ -126,12 +127,14 @@ def prepare_drive(
     say("aligning")
     prepared = start.first(base, imu)
     if not (settings.estimates_offset or tuned):
-        return replace(prepared, setup=_aided(prepared, gnss, say))
+        done = replace(prepared, setup=_aided(prepared, gnss, say))
+        return replace(done, setup=fit_split(done.imu, gnss, done.setup))
     if settings.estimates_offset:
         say("looking for the time offset")
         prepared = start.with_offset(prepared, tuned)
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
-    return _tuned(prepared, gnss, tuned, say)
+    done = _tuned(prepared, gnss, tuned, say)
+    return replace(done, setup=fit_split(done.imu, gnss, done.setup))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

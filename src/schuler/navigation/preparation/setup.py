@@ -144,7 +144,10 @@ class RunSetup:
 
     def with_sensors(self, base: SensorErrorModel) -> RunSetup:
         """Return the same setup with other sensors: noise factors, then states of all aiding."""
-        model, placed = self.settings.measurements.placed(self.factors.applied(base))
+        told = self.settings.measurements
+        # as the drive has found them, where it was asked already
+        told = replace(told, correlated=self.measurements.correlated or told.correlated)
+        model, placed = told.placed(self.factors.applied(base))
         vehicle = self.vehicle
         if vehicle is not None and vehicle.first_state >= 0:
             vehicle = replace(vehicle, first_state=model.size)
