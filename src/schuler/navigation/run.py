@@ -148,7 +148,8 @@ def _told(
     innovations: Innovations,
 ) -> dict[str, Any]:
     """What a run says of itself."""
-    findings = (*setup.condition.findings, *findings_of_run(innovations))
+    split = setup.measurements.correlated is not None
+    findings = (*setup.condition.findings, *findings_of_run(innovations, split=split))
     return {
         "imu": imu.name,
         "gnss": gnss.name,

@@ -99,7 +99,7 @@ class RunOptions:
             correlated = GnssErrorModel()
         elif self.gnss_correlated not in (None, "off"):
             assert self.gnss_correlated is not None
-            text = "--gnss-correlated SIGMA:SECONDS, both above zero, such as 1.5:60, or auto or off"
+            text = "--gnss-correlated SIGMA:SECONDS, such as 1.5:60, or auto or off"
             sigma, seconds = parse_numbers(self.gnss_correlated, 2, text, ":")
             correlated = CorrelatedGnss(sigma, seconds)
         return MeasurementOptions(GnssWeighting(self.update, self.adaptive), correlated)
