@@ -18,7 +18,7 @@ import numpy as np
 from schuler.data import CHANNELS
 from schuler.estimation.garch.conditional_variance import simulate_garch
 from schuler.evaluation.outage_twin import OutageTwin, draw, outage_twin
-from schuler.evaluation.outages import judge_window
+from schuler.evaluation.outage_windows import judge_window
 from schuler.navigation.error_models.changing_noise import (
     ChangingNoise,
     VarianceRecursion,

@@ -252,17 +252,18 @@ from .navigation.aiding.general import (
 from .navigation.aiding.gnss import (
     CorrelatedGnss as CorrelatedGnss,
 )
+from .navigation.aiding.gnss import (
+    GnssErrorModel as GnssErrorModel,
+)
 from .navigation.aiding.heading import (
     Heading as Heading,
 )
 from .navigation.aiding.magnetometer import (
     Magnetometer as Magnetometer,
 )
+from .navigation.aiding.options import GnssWeighting as GnssWeighting
 from .navigation.aiding.options import (
     MeasurementOptions as MeasurementOptions,
-)
-from .navigation.aiding.weighting import (
-    GnssWeighting as GnssWeighting,
 )
 from .navigation.error_models.catalogue import (
     ErrorModel as ErrorModel,
@@ -404,6 +405,7 @@ __all__ = [
     "GarchFit",
     "GaussMarkov",
     "Geometry",
+    "GnssErrorModel",
     "GnssReceiver",
     "GnssRecording",
     "GnssWeighting",

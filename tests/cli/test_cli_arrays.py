@@ -89,6 +89,20 @@ def test_one_mechanization_writes_a_trajectory(
     assert json.loads(out.read_text(encoding="utf-8"))["settings"]["mechanization"] == "extended"
 
 
+@pytest.mark.parametrize("name", ["single", "synthetic", "constrained", "system"])
+def test_every_mechanization_is_one_answer(
+    drive: dict[str, Path], call: Call, tmp_path: Path, name: str
+) -> None:
+    track, out = tmp_path / "track.csv", tmp_path / "one.json"
+    files = ("--out", str(track), "--json", str(out), "--report", str(tmp_path / "one.html"))
+    done = call("navigate", *arguments(drive, "--mechanization", name, *files))
+    assert done.code == 0, done.err
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["settings"]["mechanization"] == name
+    assert isinstance(found["findings"], list)
+    assert found["settings"]["updates_refused"] >= 0
+
+
 def test_observability_says_what_is_hidden(
     drive: dict[str, Path], call: Call, tmp_path: Path
 ) -> None:

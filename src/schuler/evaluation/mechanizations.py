@@ -18,7 +18,7 @@ from schuler import earth
 from schuler.data import GnssRecording, NavigationSolution, Trajectory
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
-from schuler.evaluation.outages import OutageStatistics, Window, judge_window
+from schuler.evaluation.outage_windows import OutageStatistics, Window, judge_window
 from schuler.navigation.engine import gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array

@@ -14,7 +14,7 @@ import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.evaluation.error_model_comparison import add_track, check_models
-from schuler.evaluation.outages import OutageStatistics, Window, judge_run
+from schuler.evaluation.outage_windows import OutageStatistics, Window, judge_run
 from schuler.navigation.error_models.catalogue import ErrorModel
 from schuler.navigation.navigate import withhold
 from schuler.navigation.preparation.alignment import Alignment

@@ -107,7 +107,7 @@ def run(
         smoother_memory=setup.settings.smoother_memory,
     )
     innovations = _innovations(schedule, result)
-    settings = setup.to_dict() | wheel | _told(imu, gnss, setup, result, innovations)
+    settings = setup.to_dict() | wheel | run_record(imu, gnss, setup, innovations)
     causal = _solution(imu, setup, result, innovations, settings)
 
     def smoothed_solution(back: SmoothedRun, how: dict[str, Any]) -> NavigationSolution:
@@ -140,22 +140,19 @@ def _with_wheel_speeds(
     }
 
 
-def _told(
-    imu: ImuRecording,
-    gnss: GnssRecording,
-    setup: RunSetup,
-    result: FilterRun,
-    innovations: Innovations,
+def run_record(
+    imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, innovations: Innovations
 ) -> dict[str, Any]:
     """What a run says of itself."""
-    findings = (*setup.condition.findings, *findings_of_run(innovations))
+    split = setup.measurements.correlated is not None
+    findings = (*setup.condition.findings, *findings_of_run(innovations, split=split))
     return {
         "imu": imu.name,
         "gnss": gnss.name,
         "gnss_epochs_used": gnss.size,
         "gate_false_alarm": setup.settings.false_alarm,
         "nis_over_degrees": innovations.gnss.mean_nis,
-        "updates_refused": int((~result.aiding.accepted & (result.aiding.degrees > 0)).sum()),
+        "updates_refused": int((~innovations.accepted & (innovations.degrees > 0)).sum()),
         "findings": [f.to_dict() for f in findings],
     }
 

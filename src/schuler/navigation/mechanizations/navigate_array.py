@@ -20,7 +20,7 @@ from schuler.errors import InputError, NavigationError
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.aiding.schedule import KIND_NAMES
 from schuler.navigation.engine import SMOOTHER_MEMORY, gate_thresholds
-from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import Fusion, fused_model
 from schuler.navigation.mechanizations.array_preparation import (
@@ -39,7 +39,7 @@ from schuler.navigation.mechanizations.system_level import Vote, vote
 from schuler.navigation.navigate import check_smoothing, withhold
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.run import run
+from schuler.navigation.run import run, run_record
 from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
@@ -286,13 +286,12 @@ def _stacked(
             cure="take the synthetic or extended mechanization, or navigate the parts before and "
             "after by themselves",
         )
-    false_alarm = prepared.settings.false_alarm
     constrained = mechanization == "constrained"
     stack = run_stack(
         prepared,
         gnss,
         constrained=constrained,
-        gate=gate_thresholds(false_alarm),
+        gate=gate_thresholds(prepared.settings.false_alarm),
         weight=None if constrained else np.full(prepared.array.count, 1.0 / prepared.array.count),
         rigid=rigid,
     )
@@ -305,7 +304,9 @@ def _stacked(
     ]
     votes = None if constrained else vote(at_origin, stack.sd)
     weight = stack.weight if votes is None else votes.weight(stack.weight)
-    settings = _settings(prepared, mechanization) | {"gate_false_alarm": false_alarm}
+    innovations = _innovations(stack)
+    record = run_record(prepared.recording, gnss, prepared.setup, innovations)
+    settings = record | _settings(prepared, mechanization)
     if votes is not None:
         settings["share_outvoted"] = dict(
             zip(prepared.array.names, votes.share_outvoted.tolist(), strict=True)
@@ -326,11 +327,10 @@ def _stacked(
             for name, model in zip(prepared.array.names, prepared.models, strict=True)
             for state in model.names
         ),
-        innovations=_innovations(stack),
+        innovations=innovations,
         settings=settings,
         log_likelihood=stack.log_likelihood,
     )
-    solution.settings["nis_over_degrees"] = solution.innovations.gnss.mean_nis
     return ArrayNavigation(mechanization, solution, prepared, None, stack, votes)
 
 
