@@ -24,8 +24,8 @@ from schuler.estimation.comparison.replicates import compare_replicates
 from schuler.estimation.gmwm.replicates import PooledIdentification, fit_gmwm_replicates
 from schuler.io import read_imu
 from schuler.report import Section, Table, record_provenance, write_report
-from schuler.report.sections.method_words import shown_name
-from schuler.report.sections.residuals import probability
+from schuler.report.sections.noise.method_words import shown_name
+from schuler.report.sections.noise.residuals import probability
 from schuler.screening.screen import repair, screen
 
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -14,7 +14,8 @@ import pytest
 from scale_work import noise, noise_after
 
 from schuler.errors import InputError
-from schuler.execution import Task, run_tasks, workers
+from schuler.execution.executors import workers
+from schuler.execution.tasks import Task, run_tasks
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,9 +9,9 @@ import pytest
 from scale_work import die_once, noise, refuse, threads
 
 from schuler.errors import InputError
-from schuler.execution import Task, run_tasks, workers
+from schuler.execution.executors import workers
 from schuler.execution.store import Kept
-from schuler.execution.tasks import CPU_SECONDS
+from schuler.execution.tasks import CPU_SECONDS, Task, run_tasks
 
 
 def means(done: dict[str, dict[str, np.ndarray]]) -> list[float]:

@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 
 from schuler import earth
 from schuler.data import CHANNELS
-from schuler.kernels.covariance import navigation_rows, propagate_covariance
-from schuler.kernels.filter_data import FilterState, Work
-from schuler.kernels.strapdown import strapdown_step
-from schuler.kernels.transition import accumulate_transition, reset_transition, sensor_transition
+from schuler.kernels.navigation.covariance import navigation_rows, propagate_covariance
+from schuler.kernels.navigation.filter_data import FilterState, Work
+from schuler.kernels.navigation.strapdown import strapdown_step
+from schuler.kernels.navigation.transition import (
+    accumulate_transition,
+    reset_transition,
+    sensor_transition,
+)
 from schuler.navigation.error_models.sensor_error_model import (
     FILTER_CHANNELS,
     SensorErrorModel,
@@ -35,7 +39,7 @@ PLACES = 264
 
 
 def dense_blocks(rows: Array, block: NDArray[np.int64]) -> Array:
-    """Matrix of the (m, w) layout of kernels/transition.py."""
+    """Matrix of the (m, w) layout of kernels/navigation/transition.py."""
     matrix = np.zeros((len(block), len(block)))
     for j, (first, size) in enumerate(block):
         matrix[j, first : first + size] = rows[j, :size]

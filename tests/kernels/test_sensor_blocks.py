@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 
 from schuler.data import CHANNELS
 from schuler.errors import ModelError
-from schuler.kernels.covariance import sensor_covariance
-from schuler.kernels.general_aiding import general_model
-from schuler.kernels.transition import move_sensor_states, raise_blocks, set_blocks
-from schuler.kernels.update import add_offset_states
+from schuler.kernels.navigation.covariance import sensor_covariance
+from schuler.kernels.navigation.general_aiding import general_model
+from schuler.kernels.navigation.transition import move_sensor_states, raise_blocks, set_blocks
+from schuler.kernels.navigation.update import add_offset_states
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
 from schuler.noise import ARMA, Autoregressive, GaussMarkov, WhiteNoise
 from schuler.noise.base import Process

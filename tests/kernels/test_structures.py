@@ -15,18 +15,9 @@ import pytest
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.filter_data import FilterState
-from schuler.kernels.structures import (
-    Counter,
-    Matrix,
-    Places,
-    Vector3,
-    carve,
-    reals,
-    seen,
-    size_of,
-    structure,
-)
+from schuler.kernels.navigation.filter_data import FilterState
+from schuler.kernels.structure_fields import Counter, Matrix, Places, Vector3, reals, seen
+from schuler.kernels.structures import carve, size_of, structure
 
 Array = NDArray[np.float64]
 

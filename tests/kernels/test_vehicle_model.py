@@ -8,8 +8,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schuler.kernels.filter_data import FilterState, Measurement, Rules, SensorModel, Work
-from schuler.kernels.vehicle import vehicle_velocity_model, zero_rate_model, zero_velocity_model
+from schuler.kernels.navigation.filter_data import (
+    FilterState,
+    Measurement,
+    Rules,
+    SensorModel,
+    Work,
+)
+from schuler.kernels.navigation.vehicle import (
+    vehicle_velocity_model,
+    zero_rate_model,
+    zero_velocity_model,
+)
 from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector
 
 Array = NDArray[np.float64]

@@ -105,7 +105,7 @@ def test_the_system_matrix_is_that_of_the_filter() -> None:
     # one step of the filter's covariance kernel against expm(F dt), by its own rows
     from scipy.linalg import expm
 
-    from schuler.kernels.covariance import navigation_rows
+    from schuler.kernels.navigation.covariance import navigation_rows
 
     segment = Segment(np.array([1.0, -2.0, -9.0]), dcm_from_euler(0.2, -0.3, 1.0), 0.01,
                       np.array([3e-5, 1e-5, -4e-5]))  # fmt: skip

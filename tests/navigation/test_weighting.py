@@ -17,7 +17,7 @@ from twins import LEVER, Twin, draw_twin, navigation_errors, perfect
 from schuler import earth
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
-from schuler.kernels.attitude_aiding import heading_model, magnetic_model
+from schuler.kernels.navigation.attitude_aiding import heading_model, magnetic_model
 from schuler.navigation.aiding.barometer import Barometer, height_of_pressure
 from schuler.navigation.aiding.gnss import CorrelatedGnss
 from schuler.navigation.aiding.heading import Heading

@@ -117,7 +117,7 @@ def test_its_covariances_are_imitated() -> None:
 
 def test_it_is_saved_loaded_filtered_exported_and_shown(tmp_path: Path) -> None:
     from schuler.navigation.error_models.sensor_error_model import sensor_error_model
-    from schuler.report.sections.parameters import parameter_rows
+    from schuler.report.sections.noise.parameters import parameter_rows
 
     model = schuler.NoiseModel(
         dict.fromkeys(CHANNELS, TRUTH),

@@ -24,9 +24,9 @@ from schuler.noise import RandomWalk, WhiteNoise
 from schuler.report import FigureGrid, Table, render_report
 from schuler.report.page import plotly_script
 from schuler.report.sections import sections_of
-from schuler.report.sections.denoising import denoising_section
-from schuler.report.sections.method_words import quantity
-from schuler.report.sections.residuals import probability
+from schuler.report.sections.noise.denoising import denoising_section
+from schuler.report.sections.noise.method_words import quantity
+from schuler.report.sections.noise.residuals import probability
 
 RATE = 20.0
 N = {"gyro": 1e-4, "accel": 2e-3}

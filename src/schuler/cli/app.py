@@ -32,14 +32,15 @@ def program(arguments: Sequence[str]) -> App:
         version=__version__,
         help="MEMS inertial sensors: error models, and GNSS/INS with honest uncertainty.",
         help_epilogue=EPILOGUE,
-        help_format="markdown",
+        help_format="plaintext",  # a list of single lines: markdown would only cost its import
         default_parameter=Parameter(negative=(), show_default=_show_default),
         suppress_keyboard_interrupt=False,
     )
-    paths = dict(verbs())
+    paths = verbs()
     listed = not arguments or arguments[0] not in paths
     for name, path in paths.items():
-        app.command(path, name=name, help=help_line(path) if listed else None)
+        line = help_line(path) if listed else None
+        app.command(path, name=name, help=line, help_format="markdown")
     return app
 
 
@@ -84,7 +85,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _imported(app: App, arguments: Sequence[str]) -> App:
     """Return the program when the verb that is called can be imported."""
-    path = dict(verbs()).get(arguments[0]) if arguments else None
+    path = verbs().get(arguments[0]) if arguments else None
     if path is None:
         return app
     try:
@@ -121,7 +122,7 @@ def _bad_input(message: str, arguments: Sequence[str] = ()) -> int:
     command = arguments[0] if arguments and not arguments[0].startswith("-") else ""
     hint = ""
     if arguments:
-        known = command in dict(verbs())
+        known = command in verbs()
         hint = f" (see schuler {command} --help)" if known else " (see schuler --help)"
     say(message.rstrip(".") + hint)
     return BAD_INPUT

@@ -46,6 +46,8 @@ class Result:
         The JSON tells where it comes from.
     failed : tuple of str
         Checks that failed, each told in one line.
+    refused : tuple of str
+        Files that were asked for and could not be written, and why.
     passed : bool
         False where the answer itself is a failed check.
     """
@@ -60,6 +62,7 @@ class Result:
     files: tuple[tuple[Path | None, Callable[[Path], Any]], ...] = ()
     with_origin: bool = False
     failed: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
     passed: bool = True
 
 
@@ -103,7 +106,10 @@ class Job:
             self.screen.line(f"wrote {path}", "dim")
         for check in result.failed:
             say(f"check failed: {check}")
-        return GOOD if result.passed and not result.failed else FAILED_CHECK
+        for why in result.refused:
+            say(why)
+        good = result.passed and not result.failed and not result.refused
+        return GOOD if good else FAILED_CHECK
 
     def _origin(self, result: Result) -> Provenance | None:
         if self.written == Written():

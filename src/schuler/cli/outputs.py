@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from schuler.data.table import write_atomically
 from schuler.errors import InputError
 
 STDOUT = Path("-")
@@ -86,6 +85,8 @@ class Outputs:
         return tuple(path for path, _ in self._jobs)
 
     def _write_from(self, k: int) -> None:
+        from schuler.data.table import write_atomically
+
         if k == len(self._jobs):
             return
         path, write = self._jobs[k]

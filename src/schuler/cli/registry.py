@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Iterator
+import re
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
+
+from schuler.plugins import plugins
 
 VERBS = (
     "demo",
@@ -24,25 +24,16 @@ VERBS = (
     "geometry",
     "warm",
 )
-"""Our verbs, in the order of the help; each is a function of its name in a module of its name."""
+"""Our verbs; each is a function of its name in a module of its name."""
 GROUP = "schuler.verbs"
 """Entry points of other packages: NAME = MODULE:FUNCTION."""
 
 
-def verbs() -> Iterator[tuple[str, str]]:
-    """Yield name and import path of every verb; ours come first and cannot be replaced."""
-    known = set(VERBS)
-    for name in VERBS:
-        yield name, f"schuler.cli.verbs.{name}:{name}"
-    for point in _points():
-        if point.name not in known:
-            known.add(point.name)
-            yield point.name, point.value
-
-
 @cache
-def _points() -> tuple[EntryPoint, ...]:
-    return tuple(sorted(entry_points(group=GROUP)))
+def verbs() -> dict[str, str]:
+    """Return the import path of every verb; ours come first and cannot be replaced."""
+    ours = {name: f"schuler.cli.verbs.{name}:{name}" for name in VERBS}
+    return ours | {name: path for name, path in plugins(GROUP).items() if name not in ours}
 
 
 def help_line(path: str) -> str:
@@ -51,14 +42,28 @@ def help_line(path: str) -> str:
     Importing every verb to list them would cost more than the listing.
     """
     module, _, name = path.partition(":")
+    source = _source(module)
+    if source is None:
+        return f"Cannot be used: there is no module {module}."
     try:
-        spec = find_spec(module)
-        if spec is None or spec.origin is None:
-            return f"cannot be used: there is no module {module}"
-        tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-    except (ImportError, OSError, SyntaxError, ValueError) as error:
-        return f"cannot be used: {error}"
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and node.name == name:
-            return (ast.get_docstring(node) or "").partition("\n")[0]
-    return ""
+        text = source.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        return f"Cannot be used: {error}."
+    found = re.search(rf'^def {re.escape(name)}\(.*?"""(.*?)(?:"""|\n)', text, re.M | re.S)
+    return found[1].strip() if found else ""
+
+
+def _source(module: str) -> Path | None:
+    """Return the file of a module without importing the packages that it is in."""
+    package, *parts = module.split(".")
+    spec = find_spec(package)
+    if spec is None:
+        return None
+    if not parts:
+        return Path(spec.origin) if spec.origin else None
+    for place in spec.submodule_search_locations or ():
+        base = Path(place, *parts)
+        for file in (base.with_suffix(".py"), base / "__init__.py"):
+            if file.is_file():
+                return file
+    return None

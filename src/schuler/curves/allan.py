@@ -120,7 +120,7 @@ def _factors(taus: ArrayLike | None, samples: int, rate: float) -> NDArray[np.in
 
 def _variances(columns: NDArray[np.generic], factors: NDArray[np.int64]) -> FloatArray:
     """Allan variances of the columns, in the signal's unit squared."""
-    from schuler.kernels.allan import allan_sums, integrate
+    from schuler.kernels.noise.allan import allan_sums, integrate
 
     n, count = columns.shape
     group = max(1, min(count, _WORK_BYTES // (8 * (n + 1))))

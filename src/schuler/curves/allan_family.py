@@ -122,7 +122,7 @@ def _reflected(theta: FloatArray) -> FloatArray:
 
 
 def _variance(kind: Kind, signal: FloatArray, theta: FloatArray, m: int) -> float:
-    from schuler.kernels import allan_family as sums
+    from schuler.kernels.noise import allan_family as sums
 
     if kind == "nonoverlapping":
         at = theta[::m]

@@ -25,9 +25,9 @@ def allan_covariance(
     process: Process, factors: NDArray[np.int64], samples: int, dt: float
 ) -> FloatArray:
     """Covariance of the logarithms of overlapping Allan variances, to first order."""
-    from schuler.kernels.allan_covariance import relative_covariance
+    from schuler.kernels.noise.allan_covariance import relative_covariance
 
-    seen = process.elements(dt)
+    seen = process.elements(dt, samples * dt)
     out = np.zeros((factors.size, factors.size))
     relative_covariance(
         np.asarray(factors, dtype=np.int64),
@@ -48,7 +48,7 @@ def power_law_degrees_of_freedom(
     slope: ArrayLike, factors: NDArray[np.int64], samples: int
 ) -> FloatArray:
     """Equivalent degrees of freedom of overlapping Allan variances of power-law noise."""
-    from schuler.kernels.allan_covariance import relative_covariance
+    from schuler.kernels.noise.allan_covariance import relative_covariance
 
     none = np.zeros(0)
     logs = []

@@ -22,6 +22,7 @@ from schuler.curves.robust import (
     robust_variance,
 )
 from schuler.errors import EstimationError, InputError
+from schuler.noise import Process
 from schuler.types import FloatArray
 
 RobustKind = Literal["", "samples", "coefficients"]
@@ -106,6 +107,10 @@ class WaveletVarianceCurve:
             rate=self.rate,
             samples=self.samples,
         )
+
+    def of(self, process: Process) -> FloatArray:
+        """Wavelet variance of samples of a process at the scales."""
+        return 0.5 * process.sampled_allan_variance(self.factors, 1.0 / self.rate)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON, in SI."""
@@ -239,7 +244,7 @@ def _checked(signal: ArrayLike, rate: float) -> FloatArray:
 
 
 def _running_sum(values: FloatArray) -> FloatArray:
-    from schuler.kernels.allan import integrate
+    from schuler.kernels.noise.allan import integrate
 
     theta = np.empty((1, values.size + 1))
     offset = values[:: max(1, values.size // 4096)].mean()
@@ -248,7 +253,7 @@ def _running_sum(values: FloatArray) -> FloatArray:
 
 
 def _plain(values: FloatArray, factors: NDArray[np.int64]) -> FloatArray:
-    from schuler.kernels.allan import allan_sums
+    from schuler.kernels.noise.allan import allan_sums
 
     theta = _running_sum(values)
     sums = np.empty(factors.size)
@@ -260,7 +265,7 @@ def _plain(values: FloatArray, factors: NDArray[np.int64]) -> FloatArray:
 def _of_coefficients(
     values: FloatArray, factors: NDArray[np.int64], tuning: BiweightTuning
 ) -> FloatArray:
-    from schuler.kernels.wavelet_variance import haar_coefficients
+    from schuler.kernels.noise.wavelet_variance import haar_coefficients
 
     theta = _running_sum(values)
     out = []
@@ -287,7 +292,7 @@ class _Drawn:
 
 def _residual(values: FloatArray) -> tuple[FloatArray, int]:
     """Samples less the local median, over the longest window in which the level stands still."""
-    from schuler.kernels.wavelet_variance import medians_at_nodes
+    from schuler.kernels.noise.wavelet_variance import medians_at_nodes
 
     best: FloatArray | None = None
     length = 0
@@ -314,7 +319,7 @@ def _residual(values: FloatArray) -> tuple[FloatArray, int]:
 
 def _drawn_to_level(values: FloatArray, tuning: BiweightTuning) -> _Drawn:
     """Draw every sample to its local level by the biweight; slow changes keep their size."""
-    from schuler.kernels.wavelet_variance import biweight_influence
+    from schuler.kernels.noise.wavelet_variance import biweight_influence
 
     residual, window = _residual(values)
     level = values - residual

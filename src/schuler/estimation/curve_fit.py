@@ -6,6 +6,7 @@ cluster times share their data, and standard errors that forget it are several t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,11 +25,20 @@ from schuler.estimation.parts import (
     under,
     with_logs,
 )
-from schuler.noise import Process, ProcessSum, WhiteNoise
+from schuler.noise import (
+    BiasInstability,
+    Process,
+    ProcessSum,
+    Quantization,
+    RandomWalk,
+    RateRamp,
+    WhiteNoise,
+)
 from schuler.types import FloatArray
 
 _LOADING = 0.01
 _NOTHING = 1e-9
+_ONE_SIDED = 1.645
 _RULES = Rules(gain=(1e-5, 1e-3), hold=False)
 
 
@@ -66,7 +76,7 @@ class CurvePoints:
 
     def of(self, process: Process) -> FloatArray:
         """Allan variance of a process at the points."""
-        return process.allan_variance(self.tau)
+        return process.sampled_allan_variance(self.factors, self.dt)
 
     def under(self, part: Process, share: float = 0.5) -> Process:
         """Give a part a size at which it is nowhere above a share of the variance."""
@@ -171,12 +181,6 @@ class StructureFit(FittedParts):
     residuals: FloatArray
 
 
-def log_jacobian(fit: FittedParts, points: CurvePoints) -> FloatArray:
-    """Derivatives of the log model by the logarithms of the parameters."""
-    total, jacobian = evaluate(fit.parts, fit.names, fit.logs, points.of)
-    return np.asarray(jacobian / total[:, None])
-
-
 def fit_structure(
     parts: Sequence[Process], points: CurvePoints, scatter: Scatter, iterations: int = 60
 ) -> StructureFit:
@@ -204,3 +208,26 @@ def fit_structure(
         converged=found.converged,
         residuals=found.slopes.state,
     )
+
+
+def limits_of(fit: FittedParts, points: CurvePoints, scatter: Scatter) -> dict[str, float]:
+    """95 % upper limits of the terms that are not in a model, all others being free."""
+    model, jacobian = evaluate(fit.parts, fit.names, fit.logs, points.of)
+    known = scatter.whitener @ (jacobian / model[:, None])
+    residual = scatter.whitener @ (np.log(points.variance) - scatter.bias - np.log(model))
+    limits: dict[str, float] = {}
+    flicker = BiasInstability.of_samples(1.0, points.dt, points.duration)
+    for term in (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0), flicker):
+        if term.kind in fit.kinds:
+            continue
+        # linear in the square of the amplitude, which may come out on either side of zero
+        column = scatter.whitener @ (points.of(term) / model)
+        free = column - known @ np.linalg.lstsq(known, column, rcond=1e-10)[0]
+        information = float(free @ free)
+        if information <= 0.0:
+            continue
+        square = max(float(free @ residual) / information, 0.0)
+        limits[f"{term.kind}.{term.size_name()}"] = math.sqrt(
+            square + _ONE_SIDED / math.sqrt(information)
+        )
+    return limits

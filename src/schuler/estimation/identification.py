@@ -7,10 +7,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from schuler.curves.allan_curve import AllanCurve
+from schuler.estimation.ieee952 import (
+    Coefficient,
+    classical_reading,
+    ieee952_of,
+    ieee952_to_dict,
+)
 from schuler.estimation.record import RecordVerdict
 from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum
 from schuler.types import FloatArray
+
+CLOSE = 6.0
+"""Difference of the criterion within which two structures cannot be told apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +101,19 @@ class Identification:
         values = self.process.parameters
         return {key: values[key] for key in self.standard_errors}
 
+    @property
+    def ieee952(self) -> dict[str, Coefficient]:
+        """N, B, K, Q, R of IEEE Std 952, SI."""
+        return ieee952_of(self.process, self.standard_errors, self.limits)
+
+    @property
+    def rivals(self) -> dict[str, float]:
+        """Structures nearly as good as the chosen one, and by how much they are worse."""
+        tried = self.diagnostics.candidates
+        best = min(tried.values(), default=0.0)
+        own = " + ".join(p.kind for p in self.process.parts)
+        return {s: c - best for s, c in tried.items() if c - best < CLOSE and s != own}
+
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the curve as plain Python for JSON, in SI."""
         return {
@@ -108,6 +130,9 @@ class Identification:
                 for key, value in self.parameters.items()
             },
             "upper_limits_95": dict(self.limits),
+            "ieee952": ieee952_to_dict(
+                self.ieee952, classical_reading(self.curve, self.slopes, self.process)
+            ),
             "misfit": {
                 "chi_square": self.diagnostics.chi_square,
                 "degrees_of_freedom": self.diagnostics.degrees_of_freedom,

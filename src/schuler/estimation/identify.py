@@ -13,6 +13,7 @@ from schuler.errors import InputError
 from schuler.estimation import series_methods, structure_methods
 from schuler.estimation.identification import Identification
 from schuler.estimation.joint_fit import identify_signal
+from schuler.estimation.parts import checked_model
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.signals import checked_signal, outlier_flag
 from schuler.noise import Process
@@ -62,7 +63,7 @@ _SHORTEST_RECORD = 100
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = ...,
+    model: str | Process = ...,
     method: Literal["allan"] = ...,
     *,
     order: Order = ...,
@@ -72,7 +73,7 @@ def identify(
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = ...,
+    model: str | Process = ...,
     *,
     method: str,
     order: Order = ...,
@@ -82,7 +83,7 @@ def identify(
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process,
+    model: str | Process,
     method: str,
     *,
     order: Order = ...,
@@ -91,7 +92,7 @@ def identify(
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     method: str = "allan",
     *,
     order: Order = None,
@@ -105,10 +106,12 @@ def identify(
         Samples at rest, in rad/s or m/s² (or any unit; the result is in the same).
     rate : float
         Samples a second.
-    model : {"auto", "classical"} or Process
-        "auto" chooses among white noise, quantisation, up to three Gauss-Markov noises, random
-        walk and ramp; "classical" is white noise + bias instability + random walk, as datasheets
-        have it; a process (sum) fixes the structure and gives start values.
+    model : str or Process
+        "auto" chooses among white noise, quantisation, bias instability (flicker), up to three
+        Gauss-Markov noises, random walk and ramp; "classical" is W+B+K, as datasheets have it;
+        letters such as "W+G+G+K" fix the structure (W white noise, Q quantisation, B bias
+        instability, G Gauss-Markov, K random walk, R ramp); a process (sum) fixes it and gives
+        start values.
     method : str
         "allan" (generalised least squares on the logarithm of the Allan variance), or any other
         of `METHODS`.
@@ -151,8 +154,7 @@ def identify(
         )
     if not (math.isfinite(rate) and rate > 0.0):
         raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
-    if not isinstance(model, Process) and model not in ("auto", "classical"):
-        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
+    model = checked_model(model)
     if shortest is not None and not 0.0 < shortest < math.inf:
         raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
     values = checked_signal(signal, _SHORTEST_RECORD)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,27 +16,25 @@ from schuler.estimation.curve_fit import (
     Scatter,
     StructureFit,
     fit_structure,
-    log_jacobian,
+    limits_of,
     scatter_of,
     scattering,
     thin,
 )
 from schuler.estimation.identification import FitDiagnostics, Identification
-from schuler.estimation.parts import estimates_of, free_parameters, parts_of_model
+from schuler.estimation.parts import estimates_of, is_structure, parts_of_model
 from schuler.estimation.record import judge_record
-from schuler.estimation.selection import rough_process, select_structure
+from schuler.estimation.selection import from_several_starts, rough_process, select_structure
 from schuler.estimation.slopes import slope_method
-from schuler.noise import GaussMarkov, Process, Quantization, RandomWalk, RateRamp
+from schuler.noise import Process
 from schuler.types import FloatArray
 
 _POINTS_PER_DECADE = 5.0
 _LONGEST_FRACTION = 3
 _SHORTEST_RECORD = 100
 _BAND_EDGES = (10, 50)
-_FASTEST = 1.5
 _HOPELESS = 0.03
 _FEWEST_POINTS = 12
-_LOOKED_FOR: tuple[Process, ...] = (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0))
 
 
 def fit_factors(samples: int) -> NDArray[np.int64]:
@@ -49,7 +46,7 @@ def fit_factors(samples: int) -> NDArray[np.int64]:
 
 
 def identify_signal(
-    values: FloatArray, rate: float, model: Literal["auto", "classical"] | Process = "auto"
+    values: FloatArray, rate: float, model: str | Process = "auto"
 ) -> Identification:
     """Find the processes of a signal by the joint fit of its Allan curve."""
     return identify_curve(allan_deviation(values, rate, fit_factors(len(values)) / rate), model)
@@ -64,9 +61,7 @@ def _check_length(samples: int) -> None:
         )
 
 
-def identify_curve(
-    curve: AllanCurve, model: Literal["auto", "classical"] | Process = "auto"
-) -> Identification:
+def identify_curve(curve: AllanCurve, model: str | Process = "auto") -> Identification:
     """Find the processes behind an Allan curve."""
     _check_length(curve.samples)
     points = thin(curve, _POINTS_PER_DECADE)
@@ -82,7 +77,7 @@ def identify_curve(
         process=fit.process,
         standard_errors=found.errors,
         intervals=found.intervals,
-        limits={**_limits(fit, points, scatter), **found.limits},
+        limits={**limits_of(fit, points, scatter), **found.limits},
         curve=_usual_part(curve),
         diagnostics=FitDiagnostics(
             chi_square=fit.cost,
@@ -103,6 +98,9 @@ def _start(model: str | Process, points: CurvePoints) -> tuple[Process, ...] | N
     if model == "auto":
         return None
     parts = parts_of_model(model, points.dt, points.duration, "an Allan curve")
+    if is_structure(model):
+        scatter = scatter_of(rough_process(points), points)
+        return from_several_starts(parts, points, scatter).parts
     return tuple(points.under(part) for part in parts)
 
 
@@ -114,24 +112,15 @@ def _fit(
     whole = points
     for edge in edges:
         points = whole.slower_than(edge)
-        last = edge == edges[-1]
+        may_retreat = edge == 1 and edge != edges[-1]
         scatter, granted = _probe(points, parts)
-        if edge == 1 and not last:
-            if granted > _HOPELESS:
-                continue
-            granted = 0.0
-        fit, scatter, candidates = _settle(points, parts, scatter.with_discrepancy(granted))
-        if edge == 1 and not last and scatter.discrepancy > 0.0:
+        if may_retreat and granted > _HOPELESS:
             continue
-        if parts is not None or not _filter_of_the_sensor(fit, points):
+        granted = 0.0 if may_retreat else granted
+        fit, scatter, candidates = _settle(points, parts, scatter.with_discrepancy(granted))
+        if not (may_retreat and scatter.discrepancy > 0.0):
             break
     return points, fit, scatter, candidates
-
-
-def _filter_of_the_sensor(fit: StructureFit, points: CurvePoints) -> bool:
-    """Whether a Gauss-Markov noise describes only the fastest points."""
-    edge = _FASTEST * points.tau[0]
-    return any(isinstance(p, GaussMarkov) and p.correlation_time < edge for p in fit.parts)
 
 
 def _probe(points: CurvePoints, parts: tuple[Process, ...] | None) -> tuple[Scatter, float]:
@@ -178,27 +167,6 @@ def _discrepancy(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> fl
         again = fit_structure(fit.parts, points, scatter.with_discrepancy(middle), iterations=25)
         low, high = (middle, high) if again.cost > freedom else (low, middle)
     return math.sqrt(low * high)
-
-
-def _limits(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> dict[str, float]:
-    """95 % upper limits of the terms that are not in the model, all others being free."""
-    model = points.of(fit.process)
-    known = scatter.whitener @ log_jacobian(fit, points)
-    residual = scatter.whitener @ fit.residuals
-    limits: dict[str, float] = {}
-    for term in _LOOKED_FOR:
-        if term.kind in fit.kinds:
-            continue
-        # linear in the square of the amplitude, which may come out on either side of zero
-        column = scatter.whitener @ (points.of(term) / model)
-        free = column - known @ np.linalg.lstsq(known, column, rcond=1e-10)[0]
-        information = float(free @ free)
-        if information <= 0.0:
-            continue
-        square = max(float(free @ residual) / information, 0.0)
-        name = free_parameters([term])[0][1]
-        limits[f"{term.kind}.{name}"] = math.sqrt(square + 1.645 / math.sqrt(information))
-    return limits
 
 
 def _usual_part(curve: AllanCurve) -> AllanCurve:

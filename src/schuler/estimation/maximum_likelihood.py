@@ -17,11 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError, ModelError
+from schuler.estimation.curve_fit import limits_of
 from schuler.estimation.gmwm.fit import fit_gmwm_curves, tail_ratio
-from schuler.estimation.gmwm.scatter import misfit, relative_covariance
+from schuler.estimation.gmwm.scatter import (
+    misfit,
+    pooled_points,
+    pooled_scatter,
+    relative_covariance,
+)
 from schuler.estimation.identification import FitDiagnostics, Identification
 from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.estimation.parts import (
+    FittedParts,
     Names,
     estimates_of,
     free_parameters,
@@ -101,7 +108,7 @@ class LikelihoodIdentification(Identification):
 def fit_maximum_likelihood(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     block: int | Literal["auto"] = 1,
 ) -> LikelihoodIdentification:
     """Find the parameters of a sum of processes by exact Gaussian maximum likelihood.
@@ -151,7 +158,8 @@ def fit_maximum_likelihood(
         values, line = _without_line(values, rate)
         flags.append(f"a line of {line.slope:.4g} a second was taken off by least squares first")
         begin = fit_gmwm_curves([wavelet_variance(values, rate)], _known(model))
-    parts = tuple(p for p in begin.process.parts if p.likelihood)
+    fastest = 0.43 / rate
+    parts = tuple(q for p in begin.process.parts if p.likelihood for q in p.coarser(fastest))
     flags += [
         f"{p.kind} is part of the wavelet fit but not of this likelihood, and was left out"
         for p in begin.process.parts
@@ -168,8 +176,8 @@ def fit_maximum_likelihood(
 
 
 def _known(
-    model: Literal["auto", "classical"] | Process,
-) -> Literal["auto", "classical"] | Process:
+    model: str | Process,
+) -> str | Process:
     if isinstance(model, Process):
         strange = [
             p.kind for p in model.components if not (p.likelihood or isinstance(p, RateRamp))
@@ -268,7 +276,7 @@ def _evaluate(
     block: int,
 ) -> tuple[float, float, FloatArray, FloatArray]:
     """Log-likelihood, innovation variance, score and information at `logs`."""
-    from schuler.kernels.likelihood import likelihood_pass
+    from schuler.kernels.noise.likelihood import likelihood_pass
 
     moved = [logs, *(logs + _STEP * unit for unit in np.eye(logs.size))]
     built = [_states(with_logs(parts, names, m), dt, block) for m in moved]
@@ -323,10 +331,13 @@ def _result(
 ) -> LikelihoodIdentification:
     process = ProcessSum(found.parts)
     numbers = estimates_of(found.parts, found.names, found.covariance)
+    points = pooled_points([curve])
+    fitted = FittedParts(found.parts, found.names, found.covariance, 0.0, found.converged)
+    absent = limits_of(fitted, points, pooled_scatter(process, [curve], points))
     if not found.converged:
         flags.append("the search for the maximum did not converge")
     keep = curve.factors >= block
-    model = _sampled_wavelet_variance(process, curve.factors, 1.0 / curve.rate)
+    model = curve.of(process)
     scatter = relative_covariance(process, curve)[np.ix_(keep, keep)]
     chi_square = misfit(curve.variance[keep], model[keep], scatter)
     freedom = int(np.count_nonzero(keep)) - len(found.names)
@@ -336,7 +347,7 @@ def _result(
         process=process,
         standard_errors=numbers.errors,
         intervals=numbers.intervals,
-        limits=numbers.limits,
+        limits={**absent, **numbers.limits},
         curve=curve.allan,
         diagnostics=FitDiagnostics(
             chi_square=chi_square,
@@ -357,21 +368,6 @@ def _result(
         wavelet=curve,
         flags=tuple(flags),
     )
-
-
-def _sampled_wavelet_variance(
-    process: ProcessSum, factors: NDArray[np.int64], dt: float
-) -> FloatArray:
-    """Wavelet variance of samples of the process, where closed forms average in between."""
-    out = np.empty(factors.size)
-    for j, m in enumerate(factors.tolist()):
-        (phi, load, drive, shared, start), noise = _states(process.parts, dt, m)
-        moved = load**2 * ((1.0 - phi) ** 2 * start + drive) - 2.0 * load * shared
-        out[j] = 0.25 * (float(np.sum(moved)) + 2.0 * noise)
-    ramps = [p for p in process.parts if isinstance(p, RateRamp)]
-    for ramp in ramps:
-        out += ramp.wavelet_variance(factors * dt)
-    return out
 
 
 def _misfit_flags(chi_square: float, freedom: int) -> list[str]:

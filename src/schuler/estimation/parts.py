@@ -9,7 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.errors import InputError, ModelError
-from schuler.noise import BiasInstability, Process, ProcessSum, RandomWalk, WhiteNoise
+from schuler.noise import (
+    BiasInstability,
+    GaussMarkov,
+    Process,
+    ProcessSum,
+    Quantization,
+    RandomWalk,
+    RateRamp,
+    WhiteNoise,
+)
 from schuler.types import FloatArray
 
 Names = tuple[tuple[int, str], ...]
@@ -121,14 +130,47 @@ def under(part: Process, values: FloatArray, shape: Shape, share: float) -> Proc
     return unit.with_size((share * level) ** (1.0 / part.growth))
 
 
+LETTERS = {"W": "white noise", "Q": "quantisation", "B": "bias instability (flicker)",
+           "G": "Gauss-Markov noise", "K": "random walk", "R": "ramp"}  # fmt: skip
+"""How a structure is spelled, such as W+B+K."""
+
+
+def is_structure(model: object) -> bool:
+    """Whether a model is spelled by its letters, which say nothing of times."""
+    return isinstance(model, str) and model != "auto"
+
+
+def checked_model(model: object) -> str | Process:
+    """Return a model that a method can understand."""
+    if isinstance(model, Process) or model in ("auto", "classical"):
+        return model
+    letters = model.upper().replace(" ", "").split("+") if isinstance(model, str) else []
+    once = all(letters.count(a) == 1 for a in letters if a != "G") and letters.count("G") <= 3
+    if letters and once and all(a in LETTERS for a in letters):
+        return "+".join(letters)
+    raise InputError(
+        f"model '{model}'",
+        expected="'auto', 'classical', a process, or letters such as W+B+K out of "
+        + ", ".join(f"{a} ({words})" for a, words in LETTERS.items()),
+        cure="G may occur up to three times, the others once",
+    )
+
+
 def parts_of_model(model: object, dt: float, duration: float, shown_by: str) -> tuple[Process, ...]:
     """Parts of a structure that was asked for, with at least one parameter to fit."""
-    if isinstance(model, str) and model == "classical":
-        # the flicker sum must cover the record from its samples to its length
-        flicker = BiasInstability(1.0, 2.0 * dt, 10.0 * duration)
-        return (WhiteNoise(1.0), flicker, RandomWalk(1.0))
-    if not isinstance(model, Process):
-        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
+    model = checked_model(model)
+    if isinstance(model, str):
+        letters = "WBK" if model == "classical" else model.replace("+", "")
+        times = iter(np.geomspace(3.0 * dt, duration / 5.0, letters.count("G") + 2)[1:-1])
+        units: dict[str, Callable[[], Process]] = {
+            "W": lambda: WhiteNoise(1.0),
+            "Q": lambda: Quantization(1.0),
+            "B": lambda: BiasInstability.of_samples(1.0, dt, duration),
+            "G": lambda: GaussMarkov(1.0, float(next(times))),
+            "K": lambda: RandomWalk(1.0),
+            "R": lambda: RateRamp(1.0),
+        }
+        return tuple(units[a]() for a in letters)
     if not free_parameters(model.components):
         raise ModelError(f"the model has no parameter that {shown_by} shows")
     return model.components

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from schuler.estimation.ieee952 import Coefficient, ieee952_of, ieee952_to_dict
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
 from schuler.noise import Process
 
@@ -90,6 +91,11 @@ class MethodIdentification:
     flags: tuple[str, ...]
     fit: Fit
 
+    @property
+    def ieee952(self) -> dict[str, Coefficient]:
+        """N, B, K, Q, R of IEEE Std 952, SI; empty ones where the method does not speak of them."""
+        return ieee952_of(self.process, self.standard_errors, self.limits)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON, SI; the estimator's own result under "fit"."""
         return {
@@ -101,6 +107,7 @@ class MethodIdentification:
                 for key, value in self.parameters.items()
             },
             "upper_limits_95": dict(self.limits),
+            "ieee952": ieee952_to_dict(self.ieee952),
             "diagnostics": None if self.diagnostics is None else self.diagnostics.to_dict(),
             "converged": self.converged,
             "flags": list(self.flags),

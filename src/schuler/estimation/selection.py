@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from schuler.estimation.curve_fit import CurvePoints, Scatter, StructureFit, fit_structure
 from schuler.estimation.parts import FittedParts
 from schuler.noise import (
+    BiasInstability,
     GaussMarkov,
     Process,
     ProcessSum,
@@ -25,7 +27,7 @@ from schuler.types import FloatArray
 _MOST_GAUSS_MARKOVS = 3
 _VISIBLE = 0.02
 _GAUSS_MARKOVS_PER_DECADE = 1.0
-_SLOW = ("gauss_markov", "random_walk", "rate_ramp")
+_SLOW = ("gauss_markov", "random_walk", "rate_ramp", "bias_instability")
 
 Found = TypeVar("Found", bound=FittedParts)
 Found_co = TypeVar("Found_co", bound=FittedParts, covariant=True)
@@ -92,7 +94,7 @@ class Choice(Generic[Found]):
         return min((self.fit(f.parts) for f in tries[:2]), key=criterion)
 
     def _exchanges(self, best: Found) -> list[Found]:
-        """Every simpler structure, and every slow term exchanged for another kind of slow term."""
+        """Every simpler structure, and slow terms exchanged for other kinds of slow terms."""
         fits = []
         for k, kind in enumerate(best.kinds):
             rest = [*best.parts[:k], *best.parts[k + 1 :]]
@@ -104,6 +106,28 @@ class Choice(Generic[Found]):
                 fits.append(self.fit([*rest, self.start(RandomWalk(1.0))]))
             if kind != "gauss_markov" and best.kinds.count("gauss_markov") < _MOST_GAUSS_MARKOVS:
                 fits.append(self._with_gauss_markov(rest))
+        return fits + self._exchanges_of_flicker(best)
+
+    def _exchanges_of_flicker(self, best: Found) -> list[Found]:
+        """Flicker for one to three slow terms, or two slow terms for flicker."""
+        flicker = next((s for s in self.singles if s.kind == "bias_instability"), None)
+        if flicker is None:
+            return []
+        if flicker.kind not in best.kinds:
+            slow = [k for k, kind in enumerate(best.kinds) if kind in _SLOW]
+            return [
+                self.fit([p for k, p in enumerate(best.parts) if k not in gone]
+                         + [self.start(flicker)])
+                for count in (1, 2, 3)
+                for gone in combinations(slow, count)
+            ]  # fmt: skip
+        rest = [p for p in best.parts if p.kind != flicker.kind]
+        if [p.kind for p in rest].count("gauss_markov") > _MOST_GAUSS_MARKOVS - 2 or not rest:
+            return []
+        one = self._with_gauss_markov(rest)
+        fits = [one, self._with_gauss_markov(one.parts)]
+        if "random_walk" not in best.kinds:
+            fits.append(self.fit([*one.parts, self.start(RandomWalk(1.0))]))
         return fits
 
 
@@ -170,6 +194,43 @@ def select_structure(
     return Choice(
         fit=fit,
         start=lambda part: points.under(part, 0.7),
-        singles=(RandomWalk(1.0), Quantization(1.0), RateRamp(1.0), WhiteNoise(1.0)),
+        singles=(
+            RandomWalk(1.0),
+            BiasInstability.of_samples(1.0, points.dt, points.duration),
+            Quantization(1.0),
+            RateRamp(1.0),
+            WhiteNoise(1.0),
+        ),
         times=np.logspace(first, last, count),
     ).run()
+
+
+def from_several_starts(
+    parts: Sequence[Process], points: CurvePoints, scatter: Scatter
+) -> StructureFit:
+    """The best fit of a structure, correlation times starting as given or along the curve."""
+    starts = [list(parts), *_other_times(parts, points)]
+    fits = [fit_structure([points.under(p) for p in s], points, scatter, 30) for s in starts]
+    return fit_structure(min(fits, key=lambda f: f.cost).parts, points, scatter)
+
+
+def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Process]]:
+    """The structure with its correlation times spread over the curve in several ways.
+
+    Given times may only say how many there are, not how long. Their order is kept.
+    """
+    noises = [(p.correlation_time, k) for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
+    if not noises:
+        return []
+    count = max(4, 2 * len(noises))
+    grid = np.geomspace(2.0 * points.tau[0], points.tau[-1], count)
+    starts = []
+    for first in range(count - len(noises) + 1):
+        chosen = np.linspace(first, count - 1, len(noises)).astype(int)
+        if len(noises) == 1:
+            chosen = np.array([first])
+        moved = list(parts)
+        for (_, k), j in zip(sorted(noises), chosen, strict=True):
+            moved[k] = replace(parts[k], correlation_time=float(grid[j]))  # type: ignore[type-var]
+        starts.append(moved)
+    return starts

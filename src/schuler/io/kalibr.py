@@ -59,7 +59,7 @@ def kalibr_yaml(noise_model: NoiseModel, *, rate: float | None = None, topic: st
         f"# Source: {' '.join(noise_model.source.split()) or 'not stated'}",
     ]
     for sensor, word, unit in (("accel", "accelerometer", "m/s^2"), ("gyro", "gyroscope", "rad/s")):
-        density, walk = _triad(noise_model, sensor, 1.0 / (noise_model.rate or wanted))
+        density, walk = triad(noise_model, sensor, 1.0 / (noise_model.rate or wanted))
         per_second = "m/s^3" if sensor == "accel" else "rad/s^2"
         shown = format_value(density.value, f"{sensor} white noise", digits=4)
         lines += [
@@ -101,7 +101,7 @@ def _plain(value: float) -> str:
     return f"{mantissa if '.' in mantissa else mantissa + '.0'}{mark}{exponent}"
 
 
-def _triad(model: NoiseModel, sensor: str, dt: float) -> tuple[_Number, _Number]:
+def triad(model: NoiseModel, sensor: str, dt: float) -> tuple[_Number, _Number]:
     """Worst white noise and worst walk of the axes of one sensor."""
     channels = [c for c in model.channels if c.startswith(sensor)]
     if not channels:

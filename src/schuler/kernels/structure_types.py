@@ -21,7 +21,7 @@ from numba.extending import NativeValue, unbox
 from numba.np import numpy_support
 from numba.np.arrayobj import populate_array
 
-from schuler.kernels.structures import ArrayField, Field, NestedField, NumberField, places_of
+from schuler.kernels.structure_fields import ArrayField, Field, NestedField, NumberField, places_of
 
 
 class StructureType(types.Type):  # type: ignore[misc]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.errors import NavigationError
-from schuler.kernels.filter_data import AidingOutputs, Filter, NodeOutputs, SampleOutputs
-from schuler.kernels.filter_data import FilterState as KernelState
+from schuler.kernels.navigation.filter_data import AidingOutputs, Filter, NodeOutputs, SampleOutputs
+from schuler.kernels.navigation.filter_data import FilterState as KernelState
 from schuler.navigation.aiding.schedule import GENERAL, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.outputs import measurement_bytes, node_bytes
@@ -62,15 +62,14 @@ class NodeStretch:
         Numbers of the first node and of the one behind the last.
     nodes : NodeOutputs
         Node number k in row k modulo the number of rows of each array.
-    row, gain : ndarray
-        Of the measurements, likewise.
+    aiding : AidingOutputs
+        Of the measurements, rows of H and gains likewise.
     """
 
     first: int
     stop: int
     nodes: NodeOutputs
-    row: FloatArray
-    gain: FloatArray
+    aiding: AidingOutputs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +136,7 @@ class Checkpoints:
             nodes=nodes,
         )
         stepper.advance(again, begin, end, due.size, p + 2 == len(self.start))
-        return NodeStretch(first, stop, nodes, kept.row, kept.gain)
+        return NodeStretch(first, stop, nodes, again.aiding)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -203,8 +202,7 @@ class FilterRun:
             Valid until the next one is asked for.
         """
         if self.checkpoints is None:
-            row, gain = self.aiding.row, self.aiding.gain
-            yield NodeStretch(0, self.nodes.size, self.nodes, row, gain)
+            yield NodeStretch(0, self.nodes.size, self.nodes, self.aiding)
             return
         for p in range(len(self.checkpoints.memories) - 1, -1, -1):
             yield self.checkpoints.part(p, self.aiding)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
-from schuler.kernels.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
+from schuler.kernels.navigation.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import FilterRun, run_engine
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
@@ -162,7 +162,7 @@ def sensor_step(model: SensorErrorModel, span: float) -> tuple[FloatArray, Float
     noise : (m, m) ndarray
         Covariance that is added.
     """
-    from schuler.kernels.transition import raise_blocks, sensor_transition, set_blocks
+    from schuler.kernels.navigation.transition import raise_blocks, sensor_transition, set_blocks
 
     layout, m = model.layout(), model.size
     rows, added = np.zeros_like(layout.drift), np.zeros_like(layout.drift)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.data import ImuRecording
-from schuler.kernels.filter_data import (
+from schuler.kernels.navigation.filter_data import (
     AidingOutputs,
     Filter,
     FilterState,
@@ -117,9 +117,9 @@ class FilterStepper:
         node_interval: float = 0.25,
         accumulating: bool = False,
     ) -> None:
-        from schuler.kernels.filter import run_filter
-        from schuler.kernels.strapdown import rotation_from_quaternion
-        from schuler.kernels.transition import reset_transition
+        from schuler.kernels.navigation.filter import run_filter
+        from schuler.kernels.navigation.strapdown import rotation_from_quaternion
+        from schuler.kernels.navigation.transition import reset_transition
         from schuler.rotations import quaternion_from_dcm
 
         self._kernel: Callable[[Filter, int, int, int, bool], int] = run_filter
@@ -208,7 +208,7 @@ class FilterStepper:
     def advance(
         self, filter_: Filter, begin: int, stop: int, updates: int, closing: bool = False
     ) -> int:
-        """Take a stretch of samples; see `kernels.filter.run_filter`."""
+        """Take a stretch of samples; see `run_filter`."""
         return self._kernel(filter_, begin, stop, updates, closing)
 
 

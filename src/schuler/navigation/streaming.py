@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
-from schuler.kernels.filter_data import (
+from schuler.kernels.navigation.filter_data import (
     AIDING_ROW,
     AidingOutputs,
     Filter,
@@ -25,7 +25,7 @@ from schuler.kernels.filter_data import (
     Samples,
     Schedule,
 )
-from schuler.kernels.filter_data import FilterState as KernelState
+from schuler.kernels.navigation.filter_data import FilterState as KernelState
 from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
 from schuler.navigation.aiding.schedule import (
     GENERAL,
@@ -50,7 +50,7 @@ from schuler.navigation.stepping import (
 from schuler.types import FloatArray
 
 # samples between two snapshots that a late fix may go back to
-SNAPSHOT_EVERY = 16
+SNAPSHOT_EVERY = 8
 # measurements that wait or may be used once more
 MEASUREMENTS_KEPT = 4096
 # at one time positions come first, then velocities, then all else
@@ -606,8 +606,7 @@ class NavigationFilter:
         horizon = lag_horizons(node_time, self.lag)[at]
         node = int(numbers[at])
         lagged = smooth_nodes_with_lag(
-            NodeStretch(int(numbers[0]), made, self._nodes, self._aiding.row, self._aiding.gain),
-            self._aiding,
+            NodeStretch(int(numbers[0]), made, self._nodes, self._aiding),
             self._stepper.model.block,
             node,
             np.array([numbers[horizon]]),

@@ -257,12 +257,17 @@ class Process(ABC):
         """Smallest one-step prediction error variance at step `dt`, in u². Spec 3."""
         return kolmogorov_szego(self.sampled_psd, dt)
 
-    def elements(self, dt: float) -> Elements:
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
         """What the kernels of covariances see: white noise, walks, exponential correlations.
 
         By default the sum of white and Gauss-Markov noises with nearly the same Allan variance.
+        For a record of a `duration` in s a simpler form may do; 0 asks for the exact one.
         """
         return imitation(self.allan_variance, dt) if self.random else Elements()
+
+    def coarser(self, fastest: float) -> tuple[Process, ...]:
+        """Nearly the same process in fewer states, for times from `fastest` s on."""
+        return (self,)
 
     def half_mean_squared_difference(self, steps: FloatArray, dt: float) -> FloatArray:
         """Half the mean squared difference of samples so many steps apart (variogram)."""
@@ -369,9 +374,13 @@ class ProcessSum(Process):
         """The states of the parts, one after the other."""
         return stack_state_spaces(dt, [p.state_space(dt) for p in self.parts])
 
-    def elements(self, dt: float) -> Elements:
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
         """Elements of all parts together."""
-        return Elements.together([p.elements(dt) for p in self.parts])
+        return Elements.together([p.elements(dt, duration) for p in self.parts])
+
+    def coarser(self, fastest: float) -> tuple[Process, ...]:
+        """The parts, each coarser."""
+        return tuple(q for p in self.parts for q in p.coarser(fastest))
 
     def half_mean_squared_difference(self, steps: FloatArray, dt: float) -> FloatArray:
         """Sum of the parts."""

@@ -99,7 +99,7 @@ class RandomWalk(Process):
         """K² dt."""
         return float(self.density**2 * positive(dt, "dt"))
 
-    def elements(self, dt: float) -> Elements:
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
         """Steps of variance K² dt."""
         return Elements(walk=self.density**2 * dt)
 

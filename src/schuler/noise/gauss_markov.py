@@ -15,6 +15,7 @@ from schuler.errors import ModelError
 from schuler.noise._checks import not_negative, positive, positive_array, samples
 from schuler.noise.base import Parameter, Process, StateSpace, stack_state_spaces
 from schuler.noise.elements import Elements
+from schuler.noise.white import WhiteNoise
 from schuler.types import FloatArray
 
 ALLAN_PEAK_POSITION = 1.8926178
@@ -181,7 +182,7 @@ class GaussMarkov(Process):
         """sigma² (1 - exp(-2 dt/Tc))."""
         return -(self.sigma**2) * math.expm1(-2.0 * positive(dt, "dt") / self.correlation_time)
 
-    def elements(self, dt: float) -> Elements:
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
         """Itself."""
         if self.sigma == 0.0:
             return Elements()
@@ -234,6 +235,23 @@ class BiasInstability(Process):
             raise ModelError(f"per_decade is {self.per_decade}", expected="1, 2, ...")
         object.__setattr__(self, "per_decade", int(self.per_decade))
 
+    @classmethod
+    def of_samples(cls, level: float, dt: float, duration: float) -> BiasInstability:
+        """Flicker of a record: within 1.2 % of exact flicker of samples in any clusters.
+
+        Two Gauss-Markov noises a decade, from 0.43 sample intervals to ten record lengths.
+        """
+        return cls(level, 0.43 * dt, 10.0 * duration, 2)
+
+    def coarser(self, fastest: float) -> tuple[Process, ...]:
+        """One noise a decade from `fastest` on; what is faster acts as white noise."""
+        if self.per_decade == 1 or self.longest <= 10.0 * fastest:
+            return (self,)
+        slow = BiasInstability(self.level, max(fastest, self.shortest), self.longest, 1)
+        fast = [g for g in self.gauss_markovs if g.correlation_time < 0.5 * slow.shortest]
+        power = math.fsum(2.0 * g.sigma**2 * g.correlation_time for g in fast)
+        return (slow, WhiteNoise(math.sqrt(power))) if power > 0.0 else (slow,)
+
     @property
     def gauss_markovs(self) -> tuple[GaussMarkov, ...]:
         """The noises it is made of, shortest first; each has variance B² ln(10)/(pi m)."""
@@ -256,9 +274,11 @@ class BiasInstability(Process):
         )
         return self.level**2 * unit
 
-    def elements(self, dt: float) -> Elements:
-        """The Gauss-Markov noises."""
-        return Elements.together([g.elements(dt) for g in self.gauss_markovs])
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
+        """The Gauss-Markov noises, or plain flicker where they cover a record."""
+        if duration and self.shortest <= dt and self.longest >= 3.0 * duration:
+            return Elements(flicker=self.level**2 / math.pi)
+        return Elements.together([g.elements(dt, duration) for g in self.gauss_markovs])
 
     def psd(self, frequency: ArrayLike, *, onesided: bool) -> FloatArray:
         """Sum over the Gauss-Markov noises; about B²/(2 pi f) inside their band (two-sided)."""

@@ -66,7 +66,7 @@ class WhiteNoise(Process):
         none, empty = np.zeros((0, 0)), np.zeros(0)
         return StateSpace(dt, none, none, empty, none, self.density, none, none, ())
 
-    def elements(self, dt: float) -> Elements:
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
         """All of it is white."""
         return Elements(white=self.density**2 / dt)
 
@@ -157,7 +157,7 @@ class Quantization(Process):
             names=("quantisation", "quantisation before"),
         )
 
-    def elements(self, dt: float) -> Elements:
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
         """White noise of the running sum."""
         return Elements(quantization=self.step_density**2 / dt**2)
 

@@ -13,7 +13,7 @@ from schuler.report.blocks import (
 )
 from schuler.report.page import render_page
 from schuler.report.provenance import InputFile, Provenance, record_provenance
-from schuler.report.sections.navigation import NavigationResults
+from schuler.report.sections.navigation.run import NavigationResults
 from schuler.report.write import render_report, write_report
 
 __all__ = [

@@ -145,11 +145,7 @@ def envelope(
 
 
 def axis(
-    title: str,
-    *,
-    log: bool = False,
-    limits: tuple[float, float] | None = None,
-    equal_to: str = "",
+    title: str, *, log: bool = False, limits: tuple[float, float] | None = None, equal_to: str = ""
 ) -> dict[str, Any]:
     """Return an axis."""
     result: dict[str, Any] = {"title": {"text": plain(title)}}

@@ -22,10 +22,7 @@ def render_report(
 
 
 def write_report(
-    path: str | Path,
-    *results: object,
-    title: str = "Report",
-    provenance: Provenance | None = None,
+    path: str | Path, *results: object, title: str = "Report", provenance: Provenance | None = None
 ) -> None:
     """Write one self-contained HTML page; the file appears only when it is complete.
 

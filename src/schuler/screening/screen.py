@@ -17,7 +17,7 @@ from schuler.errors import InputError
 from schuler.screening import motion, rows, stuck, values
 from schuler.screening.finding import Finding
 
-__all__ = ["Finding", "Screening", "clean_segments", "repair", "screen"]
+__all__ = ["Finding", "Screening", "clean_segments", "longest_rest", "repair", "screen"]
 
 _SHOWN = 5  # intervals named in a message
 
@@ -234,6 +234,23 @@ def repair(imu: ImuRecording, screening: Screening, *, close_up: bool = False) -
         accel=imu.accel[keep],
         temperature=None if imu.temperature is None else imu.temperature[keep],
         history=tuple(history),
+    )
+
+
+def longest_rest(imu: ImuRecording, screening: Screening) -> ImuRecording:
+    """Return the longest stretch in which the sensor stood still."""
+    if not screening.rest:
+        raise InputError(f"'{imu.name}' never stands still", expected="a log of a sensor at rest")
+    start, stop = max(screening.rest, key=lambda r: r[1] - r[0])
+    first, last = np.searchsorted(imu.time, [start, stop])
+    part = slice(int(first), max(int(last), int(first) + 2))
+    return replace(
+        imu,
+        time=imu.time[part],
+        gyro=imu.gyro[part],
+        accel=imu.accel[part],
+        temperature=None if imu.temperature is None else imu.temperature[part],
+        history=(*imu.history, f"the longest rest, {start:.1f} to {stop:.1f} s"),
     )
 
 

@@ -13,7 +13,7 @@ from schuler.arrays.calibration.rotation import MAD
 from schuler.arrays.clocks.delays import DelayEstimate, estimate_delays, require_several
 from schuler.arrays.clocks.resampling import low_pass, rate_of_change, resample
 from schuler.data import ImuArray
-from schuler.kernels.viterbi import rare_changes
+from schuler.kernels.noise.viterbi import rare_changes
 from schuler.types import FloatArray
 
 LARGEST = 3

@@ -136,7 +136,7 @@ def _plain(review: CalibrationReview) -> dict[str, Any]:
 
 def show_calibration(screen: Screen, review: CalibrationReview) -> None:
     """Print what was found and what it is worth."""
-    from schuler.report.sections.calibration import calibration_rows
+    from schuler.report.sections.arrays.calibration import calibration_rows
 
     one = review.calibration
     screen.heading(f"Calibration of {one.count} IMUs", f"{one.rests} static poses")

@@ -148,7 +148,7 @@ def _drive(
 def _outages(imu: ImuRecording, gnss: GnssRecording, noise: NoiseModel | None, out: Path) -> Result:
     from schuler.cli.verbs.outages import outage_result
     from schuler.evaluation.outages import evaluate_outages
-    from schuler.report.sections.outages import OutageResults
+    from schuler.report.sections.navigation.outages import OutageResults
 
     with working("Drive without GNSS") as shown:
         found = evaluate_outages(imu, gnss, noise, sweep=OUTAGES, progress=shown.say)

@@ -201,7 +201,7 @@ def _sample_rows(found: FaultDetection) -> tuple[tuple[str, ...], Rows]:
 
 
 def _motion_rows(found: LastingFaults) -> tuple[tuple[str, ...], Rows]:
-    from schuler.report.sections.lasting_faults import motion_rows
+    from schuler.report.sections.arrays.lasting_faults import motion_rows
 
     rows = [row[:4] for row in motion_rows(found)]
     return ("motion", "windows", "with an alarm", "found 95 times in 100"), rows

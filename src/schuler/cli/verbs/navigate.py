@@ -199,7 +199,7 @@ def navigation_result(
 
 
 def _comparison_result(comparison: MechanizationComparison, title: str) -> Result:
-    from schuler.report.sections.mechanizations import comparison_rows
+    from schuler.report.sections.arrays.mechanizations import comparison_rows
 
     def show(screen: Screen) -> None:
         screen.heading("Mechanizations", f"{comparison.prepared.array.count} IMUs")

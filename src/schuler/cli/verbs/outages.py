@@ -72,7 +72,7 @@ def outage_result(
     failed: tuple[str, ...] = (),
 ) -> Result:
     """Return what becomes of an evaluation."""
-    from schuler.report.sections.outages import OutageResults
+    from schuler.report.sections.navigation.outages import OutageResults
 
     return Result(
         title=title,
@@ -87,7 +87,7 @@ def outage_result(
 def show_outages(screen: Screen, evaluation: OutageEvaluation) -> None:
     """Print causal against smoothed, claimed against real."""
     from schuler.report.numbers import number, percent
-    from schuler.report.sections.outages import answers
+    from schuler.report.sections.navigation.outages import answers
 
     windows = evaluation.causal.windows
     screen.heading("Outages", f"{len(windows)} windows, horizontal error in m")

@@ -39,7 +39,7 @@ def simulate(
     form : str
         parquet or csv.
     """
-    from schuler.report.sections.simulation import SimulationResults
+    from schuler.report.sections.navigation.simulation import SimulationResults
     from schuler.simulation.scenario import simulate_drive
 
     job = Job(written, inputs=(moved.waypoints, moved.track, sensor.noise))

@@ -70,7 +70,7 @@ def tune(
 def show_tuning(screen: Screen, found: NoiseTuning) -> None:
     """Print factors with their intervals, and what others would cost."""
     from schuler.report.numbers import number
-    from schuler.report.sections.tuning import inflation_rows, loss_rows
+    from schuler.report.sections.navigation.tuning import inflation_rows, loss_rows
 
     screen.heading("Tuning", "how much the drive inflates the static numbers")
     screen.table(*inflation_rows(found))

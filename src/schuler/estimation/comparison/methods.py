@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -198,7 +198,7 @@ def compare_methods(
     rate: float,
     methods: Sequence[str] = DEFAULT_METHODS,
     *,
-    model: Literal["shared", "auto", "classical"] | Process = "shared",
+    model: str | Process = "shared",
     name: str = "",
     told: Callable[[str], None] | None = None,
 ) -> MethodComparison:
@@ -360,7 +360,7 @@ def compare_methods_imu(
     imu: ImuRecording,
     methods: Sequence[str] = DEFAULT_METHODS,
     *,
-    model: Literal["shared", "auto", "classical"] | Process = "shared",
+    model: str | Process = "shared",
     told: Callable[[str, float], None] | None = None,
 ) -> ImuMethodComparison:
     """Put several methods to every channel of a recording at rest.

@@ -110,7 +110,7 @@ class _Objective:
         return 2 + self.p + self.q + self.shocks + self.memories
 
     def __call__(self, parameters: FloatArray, outer: FloatArray) -> Answer:
-        from schuler.kernels.garch import arma_garch_slopes
+        from schuler.kernels.noise.garch import arma_garch_slopes
 
         score, information = np.empty(self.size), np.empty((self.size, self.size))
         value = arma_garch_slopes(

@@ -82,7 +82,7 @@ def garch_slopes(
     unit: FloatArray, p: int, q: int, before: float
 ) -> Callable[[FloatArray, FloatArray], Answer]:
     """Bind noise and orders to the likelihood kernel."""
-    from schuler.kernels.garch import arma_garch_slopes, garch11_slopes
+    from schuler.kernels.noise.garch import arma_garch_slopes, garch11_slopes
 
     squares = unit**2
     k = p + q + 1

@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.curves.robust import biweight_tuning, median_scale, robust_variance
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError
-from schuler.estimation.curve_fit import CurvePoints, fit_structure
 from schuler.estimation.gmwm.moments import MomentFit, fit_moments, heterogeneity
 from schuler.estimation.gmwm.result import GmwmIdentification, describe_fit
 from schuler.estimation.gmwm.scatter import pooled_points, pooled_scatter
 from schuler.estimation.parts import parts_of_model
-from schuler.estimation.selection import rough_process, select_structure
-from schuler.noise import GaussMarkov, Process
+from schuler.estimation.selection import from_several_starts, rough_process, select_structure
+from schuler.noise import Process
 
 __all__ = [
     "GmwmIdentification",
@@ -30,12 +29,11 @@ __all__ = [
     "tail_ratio",
 ]
 
-Model = Literal["auto", "classical"] | Process
+Model = str | Process
 Robust = bool | Literal["samples", "coefficients"]
 
 _SHORTEST_RECORD = 100
 _BAND_EDGES = (10, 50)
-_FASTEST = 3.0
 _FEWEST_SCALES = 8
 _MISFIT = 1e-3
 
@@ -105,7 +103,7 @@ def fit_gmwm_curves(
             break
         kept = slow
         fit, candidates = _fit(start, kept, 0.0)
-        if _fits(fit, kept, 0.0) and (start is not None or not _filter_of_the_sensor(fit, kept)):
+        if _fits(fit, kept, 0.0):
             break
     assert fit is not None
     granted = 0.0
@@ -130,17 +128,9 @@ def _fit(
         scatter = pooled_scatter(rough_process(points), curves, points)
         chosen, candidates = select_structure(points, scatter.with_discrepancy(granted))
         return fit_moments(chosen.parts, curves, granted), candidates
-    return fit_moments(_log_fit(start, curves, points), curves, granted), {}
-
-
-def _filter_of_the_sensor(fit: MomentFit, curves: Sequence[WaveletVarianceCurve]) -> bool:
-    """Whether a Gauss-Markov noise describes only the fastest scales.
-
-    A sensor's own low-pass filter correlates neighbouring samples, which none of the processes
-    describes and no navigation filter feels.
-    """
-    edge = _FASTEST * curves[0].scale[0]
-    return any(isinstance(p, GaussMarkov) and p.correlation_time < edge for p in fit.parts)
+    scatter = pooled_scatter(rough_process(points), curves, points)
+    best = from_several_starts(start, points, scatter)
+    return fit_moments(best.parts, curves, granted), {}
 
 
 def _misfit(
@@ -198,44 +188,9 @@ def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVaria
 
 
 def _start(model: Model, curve: WaveletVarianceCurve) -> tuple[Process, ...] | None:
-    if isinstance(model, str) and model == "auto":
+    if model == "auto":
         return None
     return parts_of_model(model, 1.0 / curve.rate, curve.duration, "a wavelet variance")
-
-
-def _log_fit(
-    parts: Sequence[Process], curves: Sequence[WaveletVarianceCurve], points: CurvePoints
-) -> tuple[Process, ...]:
-    """Start values: the best joint fit of the log curve, times as given or along the curve."""
-    scatter = pooled_scatter(rough_process(points), curves, points)
-    starts = [list(parts), *_other_times(parts, points)]
-    fits = [
-        fit_structure([points.under(p) for p in start], points, scatter, 30) for start in starts
-    ]
-    best = min(fits, key=lambda f: f.cost)
-    return fit_structure(best.parts, points, scatter).parts
-
-
-def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Process]]:
-    """The structure with its correlation times spread over the curve in several ways.
-
-    Given times may only say how many there are, not how long. Their order is kept.
-    """
-    noises = [(p.correlation_time, k) for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
-    if not noises:
-        return []
-    count = max(4, 2 * len(noises))
-    grid = np.geomspace(2.0 * points.tau[0], points.tau[-1], count)
-    starts = []
-    for first in range(count - len(noises) + 1):
-        chosen = np.linspace(first, count - 1, len(noises)).astype(int)
-        if len(noises) == 1:
-            chosen = np.array([first])
-        moved = list(parts)
-        for (_, k), j in zip(sorted(noises), chosen, strict=True):
-            moved[k] = replace(parts[k], correlation_time=float(grid[j]))  # type: ignore[type-var]
-        starts.append(moved)
-    return starts
 
 
 def _discrepancy(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> float:

@@ -74,7 +74,7 @@ def _weights(
 class _Weighted:
     """One curve with the weights of one step."""
 
-    scale: FloatArray
+    curve: WaveletVarianceCurve
     variance: FloatArray
     reference: FloatArray
     whitener: FloatArray
@@ -87,12 +87,11 @@ class _Weighted:
         total += discrepancy**2 * np.eye(len(total))
         lower = np.linalg.cholesky(total)
         whitener = np.asarray(solve_triangular(lower, np.eye(len(total)), lower=True))
-        reference = process.wavelet_variance(curve.scale)
-        return cls(curve.scale, curve.variance, reference, whitener)
+        return cls(curve, curve.variance, curve.of(process), whitener)
 
     def moments(self, process: Process) -> FloatArray:
         """Wavelet variance of a process at the scales."""
-        return process.wavelet_variance(self.scale)
+        return self.curve.of(process)
 
     def misfit(self) -> float:
         """Misfit of the curve from the reference."""
@@ -187,8 +186,8 @@ def fit_moments(
     bread = np.linalg.inv(slopes.T @ slopes + np.diag(np.full(len(names), _NOTHING)))
     meat, optimism, row = np.zeros((len(names), len(names))), 0.0, 0
     for used, now in zip(weighted, final, strict=True):
-        part = slopes[row : row + used.scale.size]
-        row += used.scale.size
+        part = slopes[row : row + used.variance.size]
+        row += used.variance.size
         # covariance under the final model, seen through the weights that were used
         ratio = (now.reference / used.reference)[:, None] * np.linalg.inv(now.whitener)
         root = part.T @ (used.whitener @ ratio)

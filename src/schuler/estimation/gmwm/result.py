@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from schuler.curves.wavelet_variance import WaveletVarianceCurve
+from schuler.estimation.curve_fit import limits_of
 from schuler.estimation.gmwm.moments import MomentFit
-from schuler.estimation.gmwm.scatter import pooled_points
+from schuler.estimation.gmwm.scatter import pooled_points, pooled_scatter
 from schuler.estimation.identification import FitDiagnostics, Identification
 from schuler.estimation.parts import estimates_of
 from schuler.estimation.record import judge_record
@@ -71,16 +72,17 @@ def describe_fit(
 
     process = fit.process
     found = estimates_of(fit.parts, fit.names, fit.log_covariance)
-    longest = max(curves, key=lambda c: c.samples)
     points = pooled_points(curves)
+    absent = limits_of(fit, points, pooled_scatter(process, curves, points))
+    longest = max(curves, key=lambda c: c.samples)
     shown = longest.allan
     p_value = float(chdtrc(max(fit.degrees_of_freedom, 1), fit.cost))
-    model = process.wavelet_variance(points.tau)
+    model = 0.5 * points.of(process)
     return GmwmIdentification(
         process=process,
         standard_errors=found.errors,
         intervals=found.intervals,
-        limits=found.limits,
+        limits={**absent, **found.limits},
         curve=shown,
         diagnostics=FitDiagnostics(
             chi_square=fit.cost,

@@ -24,12 +24,12 @@ def relative_covariance(process: Process, curve: WaveletVarianceCurve) -> FloatA
         added = WhiteNoise(math.sqrt(max(curve.excess_variance, 0.0) * dt))
         full = noise + added
         relative = allan_covariance(full, factors, curve.samples, dt)
-        share = full.wavelet_variance(curve.scale) / process.wavelet_variance(curve.scale)
+        share = curve.of(full) / curve.of(process)
         relative *= np.outer(share, share)
         # the sample variance of the drawn signal is replaced by the M-estimate
         white = curve.core_variance + curve.excess_variance
         own = curve.core_error**2 - 2.0 * white**2 / curve.samples
-        filters = 0.5 / factors / process.wavelet_variance(curve.scale)
+        filters = 0.5 / factors / curve.of(process)
         relative += own * np.outer(filters, filters)
         _keep_positive(relative)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,7 +121,7 @@ class SpectrumFit:
 def identify_spectrum(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     *,
     segment: int | None = None,
     band: tuple[float, float] | None = None,
@@ -134,7 +134,7 @@ def identify_spectrum(
 
 def fit_spectrum(
     curve: SpectrumCurve,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     *,
     band: tuple[float, float] | None = None,
 ) -> SpectrumFit:

@@ -4,7 +4,7 @@ A source has times and a function `linearise`; nothing of this package has to kn
 measures. The filter asks it when it comes by, at the last sample before each measurement, so that
 ranges, bearings and other equations that are not linear are linearised where the filter is. What
 the state does between that sample and the measurement, and what other measurements at the same
-time do to it, is followed by the derivatives (kernels/general_aiding.py).
+time do to it, is followed by the derivatives (kernels/navigation/general_aiding.py).
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ class GnssWeighting:
             )
 
     def array(self) -> FloatArray:
-        """Return the numbers that kernels/robust.py wants, (9,)."""
+        """Return the numbers that kernels/navigation/robust.py wants, (9,)."""
         from scipy.special import gammaincinv
 
         numbers = np.zeros(9)

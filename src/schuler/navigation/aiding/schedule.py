@@ -1,8 +1,8 @@
 """What aids a filter: sources of measurements, their kinds, and one schedule of all of them.
 
 A source turns what it knows into rows of a schedule; the filter kernel knows how each kind of row
-is compared with the state (kernels/aiding.py). Kinds without an equation of their own are
-`GENERAL`: their rows carry their derivatives (aiding/general.py).
+is compared with the state (kernels/navigation/aiding.py). Kinds without an equation of their own
+are `GENERAL`: their rows carry their derivatives (aiding/general.py).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import InputError
-from schuler.kernels.filter_data import AIDING_ROW
+from schuler.kernels.navigation.filter_data import AIDING_ROW
 from schuler.types import FloatArray
 
 if TYPE_CHECKING:

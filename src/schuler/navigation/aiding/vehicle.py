@@ -4,7 +4,7 @@ The non-holonomic constraint needs to know how the IMU sits in the vehicle. A fi
 mounting is corrected by the filter, which also estimates where the point lies that does not slip
 sideways (the middle of the rear axle), how far the rear axle slips in curves and how far the
 springs pitch the vehicle when it speeds up. They are states without a sensor channel; the
-equations are in kernels/vehicle.py. Spec 10, "constraints".
+equations are in kernels/navigation/vehicle.py. Spec 10, "constraints".
 """
 
 from __future__ import annotations

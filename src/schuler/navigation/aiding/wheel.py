@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
-from schuler.kernels.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
+from schuler.kernels.navigation.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.aiding.schedule import (
     VEHICLE_VELOCITY,
     AidingSchedule,

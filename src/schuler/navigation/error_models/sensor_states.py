@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from schuler.data import CHANNELS
 from schuler.errors import ModelError
-from schuler.kernels.filter_data import SensorModel
+from schuler.kernels.navigation.filter_data import SensorModel
 from schuler.types import FloatArray, IntArray
 
 # the filter counts accelerometers first, as they drive the velocity

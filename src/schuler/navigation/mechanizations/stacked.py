@@ -190,7 +190,7 @@ def run_stack(
     NavigationError
         The state stopped being finite.
     """
-    from schuler.kernels.stacked import run_stacked
+    from schuler.kernels.navigation.stacked import run_stacked
 
     rigid = rigid or RigidBody()
     array, setup = prepared.array, prepared.setup

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.data.imu import CHANNELS, ImuRecording
-from schuler.report.blocks import Facts, Figure, FigureGrid, LegendItem, Section, Table
+from schuler.report.blocks import Facts, FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, envelope, limits
+from schuler.report.makers import plot
 from schuler.report.numbers import duration, number
 from schuler.report.sections.registry import register
 from schuler.units import scale
@@ -69,15 +70,13 @@ def _signals(imu: ImuRecording) -> FigureGrid:
             low, high = float(signal.min()) / factor, float(signal.max()) / factor
             traces = envelope(time, signal / factor, f"@{channel[-1]}", channel_title(channel))
             figures.append(
-                Figure(
+                plot(
                     channel_title(channel),
                     f"Between {number(low, 4)} and {number(high, 4)} {pretty(unit)}, "
                     f"mean {number(float(np.mean(signal)) / factor, 4)}.",
-                    tuple(traces),
-                    {
-                        "xaxis": axis("time in s"),
-                        "yaxis": axis(pretty(unit), limits=limits([low, high])),
-                    },
+                    traces,
+                    axis("time in s"),
+                    axis(pretty(unit), limits=limits([low, high])),
                     height=210,
                 )
             )

@@ -1,45 +1,27 @@
-"""Which sections show which result."""
+"""Which sections show which result: the maker of a section says so by the type it is given."""
 
 from __future__ import annotations
 
-from functools import singledispatch
+import re
+import warnings
+from functools import cache, singledispatch
 from importlib import import_module
-from importlib.metadata import entry_points
+from pathlib import Path
 
 from schuler.errors import InputError
+from schuler.plugins import plugins
 from schuler.report.blocks import Section
 
-_HOMES = {
-    "schuler.data.imu": "recording",
-    "schuler.data.trajectory": "navigation",
-    "schuler.screening": "screening",
-    "schuler.estimation": "characterization",
-    "schuler.estimation.comparison.methods": "methods",
-    "schuler.estimation.comparison.replicates": "replicates",
-    "schuler.denoising": "denoising",
-    "schuler.navigation.tuning.inflation": "tuning",
-    "schuler.evaluation": "outages",
-    "schuler.evaluation.mechanizations": "mechanizations",
-    "schuler.navigation.observability_run": "observability",
-    "schuler.arrays.synthesis.synthetic": "sensor_arrays",
-    "schuler.arrays.detection.faults": "sensor_arrays",
-    "schuler.arrays.detection.lasting_faults": "lasting_faults",
-    "schuler.arrays.geometry": "sensor_arrays",
-    "schuler.arrays.merit": "sensor_arrays",
-    "schuler.evaluation.error_model_comparison": "error_models",
-    "schuler.arrays.calibration.review": "calibration",
-    "schuler.report.sections.navigation": "navigation",
-    "schuler.report.sections.simulation": "simulation",
-    "schuler.report.sections.outages": "outages",
-}
-"""Where the maker for the results of a module lives: only that one is imported."""
+GROUP = "schuler.report_sections"
+"""Entry points of other packages: NAME = MODULE, a module that registers its makers."""
 
 
 @singledispatch
 def _sections(result: object) -> tuple[Section, ...]:
     raise InputError(
         f"a report cannot show a {type(result).__name__}",
-        expected="a recording, screening, characterization, navigation or outage result",
+        expected="a recording, screening, characterization, navigation or outage result, or one "
+        f"that another package shows (entry point group {GROUP})",
     )
 
 
@@ -53,12 +35,38 @@ def _(result: Section) -> tuple[Section, ...]:
 
 def sections_of(result: object) -> tuple[Section, ...]:
     """Return the sections that show a result."""
-    module = type(result).__module__
-    for start, home in _HOMES.items():
-        if f"{module}.".startswith(f"{start}."):
-            import_module(f"schuler.report.sections.{home}")
-    for point in entry_points(group="schuler.report_sections"):
-        # A section of another package shows results of that package.
-        if point.value.partition(".")[0] == module.partition(".")[0]:
-            point.load()
+    kind = type(result)
+    for base in kind.__mro__:
+        if base.__name__ in _homes():
+            import_module(_homes()[base.__name__])
+    ours = kind.__module__.partition(".")[0] == "schuler"
+    if not ours or _sections.dispatch(kind) is _sections.dispatch(object):
+        _load_others()
     return _sections(result)
+
+
+@cache
+def _homes() -> dict[str, str]:
+    """Return the module of the maker for each name of a type, read without importing any."""
+    here = Path(__file__).parent
+    homes = {}
+    for file in sorted(here.rglob("*.py")):
+        module = ".".join((__package__ or "", *file.relative_to(here).with_suffix("").parts))
+        text = file.read_text(encoding="utf-8")
+        for name in re.findall(r"^@register\ndef \w+\(\w+: (\w+)\)", text, re.M):
+            homes[name] = module
+    return homes
+
+
+@cache
+def _load_others() -> None:
+    """Import the sections of other packages; one that is broken is told and left out."""
+    for name, module in plugins(GROUP).items():
+        try:
+            import_module(module.partition(":")[0])
+        except Exception as error:
+            warnings.warn(
+                f"the report section '{name}' of another package ({module}) cannot be used: "
+                f"{error}",
+                stacklevel=2,
+            )

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from schuler.report.blocks import Facts, Finding, Findings, Section
+from schuler.report.makers import moments, things
 from schuler.report.numbers import duration, number
 from schuler.report.sections.registry import register
-from schuler.screening.screen import Finding as Seen
 from schuler.screening.screen import Screening
-
-MOST_INTERVALS = 4
 
 
 @register
@@ -24,11 +22,13 @@ def screening_sections(screening: Screening) -> tuple[Section, ...]:
             ("Stood still", "throughout" if screening.static else _rest(screening)),
         )
     )
-    items = tuple(Finding(f.severity, f.message, _where(f)) for f in screening.findings)
+    items = tuple(
+        Finding(f.severity, f.message, moments(f.intervals, f.severity)) for f in screening.findings
+    )
     if not items:
         items = (Finding("good", "Nothing to remark: the recording looks as it should."),)
     serious = sum(f.severity != "info" for f in screening.findings)
-    words = f"has {serious} thing{'' if serious == 1 else 's'} to watch" if serious else "is clean"
+    words = f"has {things(serious)}" if serious else "is clean"
     sentence = f"The recording {screening.name} ({duration(screening.duration)}) {words}."
     return (Section("Screening", (facts, Findings(items)), (sentence,)),)
 
@@ -40,14 +40,3 @@ def _jitter(seconds: float) -> str:
 def _rest(screening: Screening) -> str:
     seconds = sum(stop - start for start, stop in screening.rest)
     return duration(seconds) if seconds else "never"
-
-
-def _where(finding: Seen) -> str:
-    if not finding.intervals or finding.severity == "info":
-        return ""
-    spans = [
-        f"{f'{start:.8g}'} s" if stop - start < 0.1 else f"{f'{start:.8g}'} to {f'{stop:.8g}'} s"
-        for start, stop in finding.intervals[:MOST_INTERVALS]
-    ]
-    more = len(finding.intervals) - len(spans)
-    return "At " + ", ".join(spans) + (f" and {more} more." if more > 0 else ".")
