@@ -105,6 +105,6 @@ class Identification(ToDict):
             "discrepancy": d.discrepancy,
             "candidates": d.candidates,
         }
-        named = fitted_to_dict(self.process, self.standard_errors, self.intervals)
+        named = fitted_to_dict(self.process, self.parameters, self.standard_errors, self.intervals)
         flags = {"flags": list(self.flags)} if self.flags else {}
         return ToDict.to_dict(self) | named | {"misfit": plain(misfit)} | flags
