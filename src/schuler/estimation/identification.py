@@ -131,7 +131,7 @@ class Identification(ToDict):
             "discrepancy": d.discrepancy,
             "candidates": d.candidates,
         }
-        named = fitted_to_dict(self.process, self.standard_errors, self.intervals)
+        named = fitted_to_dict(self.process, self.parameters, self.standard_errors, self.intervals)
         more = {"flags": self.flags, "lines": self.lines}
         reading = classical_reading(self.curve, self.slopes, self.process)
         named |= {"ieee952": ieee952_to_dict(self.ieee952, reading)}

@@ -123,6 +123,7 @@ def process_to_list(process: Process | None) -> list[dict[str, Any]]:
 
 def fitted_to_dict(
     process: ProcessSum,
+    parameters: Mapping[str, float],
     standard_errors: Mapping[str, float],
     intervals: Mapping[str, tuple[float, float]],
 ) -> dict[str, Any]:
@@ -138,6 +139,6 @@ def fitted_to_dict(
                 "standard_error": plain(standard_errors[key]),
                 "interval_95": plain(intervals[key]),
             }
-            for key, value in process.parameters.items()
+            for key, value in parameters.items()
         },
     }

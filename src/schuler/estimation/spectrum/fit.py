@@ -99,7 +99,7 @@ class SpectrumFit(ToDict):
         """Return plain values for JSON, in SI."""
         names = ("dispersion", "discrepancy", "candidates")
         misfit = {"misfit": {name: plain(getattr(self, name)) for name in names}}
-        named = fitted_to_dict(self.process, self.standard_errors, self.intervals)
+        named = fitted_to_dict(self.process, self.parameters, self.standard_errors, self.intervals)
         return ToDict.to_dict(self) | named | misfit
 
 
