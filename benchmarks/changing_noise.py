@@ -17,7 +17,7 @@ import numpy as np
 
 from schuler.data import CHANNELS
 from schuler.estimation.garch.conditional_variance import simulate_garch
-from schuler.evaluation.outage_twin import OutageTwin, draw, outage_twin
+from schuler.evaluation.outage_twin import OutageTwin, draw_outage_twin, outage_twin
 from schuler.evaluation.outages import judge_window
 from schuler.navigation.error_models.changing_noise import (
     ChangingNoise,
@@ -64,7 +64,7 @@ def make_twin() -> OutageTwin:
 
 def one(twin: OutageTwin, seed: int) -> dict[str, list[float]]:
     rng = np.random.default_rng([3, seed])
-    drawn = draw(twin, rng)
+    drawn = draw_outage_twin(twin, rng)
     order = (*CHANNELS[3:], *CHANNELS[:3])
     density = np.array([WHITE[kind(c)] for c in order])
     noise, truth = {}, np.empty((drawn.imu.size, 6))

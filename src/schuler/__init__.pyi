@@ -42,11 +42,41 @@ from .arrays.detection.lasting_faults import (
 from .arrays.detection.lasting_faults import (
     learn_healthy_motion as learn_healthy_motion,
 )
+from .arrays.detection.operating import (
+    chi_square_power as chi_square_power,
+)
+from .arrays.detection.thresholds import (
+    chi_square_threshold as chi_square_threshold,
+)
+from .arrays.detection.thresholds import (
+    empirical_threshold as empirical_threshold,
+)
+from .arrays.detection.thresholds import (
+    likelihood_statistics as likelihood_statistics,
+)
+from .arrays.detection.thresholds import (
+    threshold_performance as threshold_performance,
+)
 from .arrays.geometry import (
     Geometry as Geometry,
 )
+from .arrays.geometry import (
+    tetrahedron_mounting as tetrahedron_mounting,
+)
+from .arrays.optimum import (
+    optimize_cone as optimize_cone,
+)
 from .arrays.read import (
     read_array as read_array,
+)
+from .arrays.redundant import (
+    redundant_sensors as redundant_sensors,
+)
+from .arrays.synthesis.conditional import (
+    conditional_noise as conditional_noise,
+)
+from .arrays.synthesis.cornered_hat import (
+    cornered_hat as cornered_hat,
 )
 from .arrays.synthesis.synthetic import (
     SyntheticImu as SyntheticImu,
@@ -56,6 +86,9 @@ from .arrays.synthesis.synthetic import (
 )
 from .arrays.synthesis.volatility import (
     averaged_volatility as averaged_volatility,
+)
+from .arrays.tracking import (
+    OnlineSettings as OnlineSettings,
 )
 from .curves.allan import (
     AllanCurve as AllanCurve,
@@ -111,6 +144,18 @@ from .denoising.wavelet import (
 from .denoising.wavelet import (
     denoise as denoise,
 )
+from .denoising.wavelet import (
+    level_for_band as level_for_band,
+)
+from .earth import (
+    ned_from_geodetic as ned_from_geodetic,
+)
+from .errors import (
+    InputError as InputError,
+)
+from .errors import (
+    ModelError as ModelError,
+)
 from .errors import (
     SchulerError as SchulerError,
 )
@@ -127,7 +172,13 @@ from .estimation.autoregressive.fit import (
     fit_ar as fit_ar,
 )
 from .estimation.autoregressive.fit import (
+    fit_ar_orders as fit_ar_orders,
+)
+from .estimation.autoregressive.fit import (
     select_ar as select_ar,
+)
+from .estimation.autoregressive.fit import (
+    whiten_lattice as whiten_lattice,
 )
 from .estimation.autoregressive.result import (
     ArFit as ArFit,
@@ -156,6 +207,15 @@ from .estimation.garch.arma_garch import (
 from .estimation.garch.arma_garch import (
     fit_arma_garch as fit_arma_garch,
 )
+from .estimation.garch.conditional_variance import (
+    ewma_variance as ewma_variance,
+)
+from .estimation.garch.conditional_variance import (
+    garch_log_likelihood as garch_log_likelihood,
+)
+from .estimation.garch.conditional_variance import (
+    simulate_garch as simulate_garch,
+)
 from .estimation.garch.fit import (
     fit_garch as fit_garch,
 )
@@ -164,6 +224,9 @@ from .estimation.garch.result import (
 )
 from .estimation.garch.selection import (
     select_garch as select_garch,
+)
+from .estimation.gauss_markov_correlation import (
+    fit_gauss_markov as fit_gauss_markov,
 )
 from .estimation.gmwm.fit import (
     fit_gmwm as fit_gmwm,
@@ -177,11 +240,17 @@ from .estimation.gmwm.replicates import (
 from .estimation.identification import (
     Identification as Identification,
 )
+from .estimation.innovation_floor import (
+    innovation_variance_of_signal as innovation_variance_of_signal,
+)
 from .estimation.joint_fit import (
     identify as identify,
 )
 from .estimation.maximum_likelihood import (
     fit_maximum_likelihood as fit_maximum_likelihood,
+)
+from .estimation.orthogonal_search.protocol import (
+    search_by_protocol as search_by_protocol,
 )
 from .estimation.orthogonal_search.result import (
     FosFit as FosFit,
@@ -189,14 +258,32 @@ from .estimation.orthogonal_search.result import (
 from .estimation.orthogonal_search.search import (
     fast_orthogonal_search as fast_orthogonal_search,
 )
+from .estimation.prediction import (
+    compare_predictors as compare_predictors,
+)
+from .estimation.prediction import (
+    multi_step_ar as multi_step_ar,
+)
 from .estimation.residuals.tests import (
     arch_lm_test as arch_lm_test,
 )
 from .estimation.residuals.tests import (
+    jarque_bera_test as jarque_bera_test,
+)
+from .estimation.residuals.tests import (
     ljung_box_test as ljung_box_test,
+)
+from .estimation.residuals.tests import (
+    robust_autocorrelation_band as robust_autocorrelation_band,
 )
 from .estimation.result import (
     MethodIdentification as MethodIdentification,
+)
+from .estimation.slopes import (
+    slope_method as slope_method,
+)
+from .estimation.spectrum.fit import (
+    identify_spectrum as identify_spectrum,
 )
 from .evaluation.error_model_comparison import (
     ErrorModelComparison as ErrorModelComparison,
@@ -204,11 +291,59 @@ from .evaluation.error_model_comparison import (
 from .evaluation.error_model_comparison import (
     compare_error_models as compare_error_models,
 )
+from .evaluation.mechanizations import (
+    MechanizationComparison as MechanizationComparison,
+)
+from .evaluation.mechanizations import (
+    bias_correlation as bias_correlation,
+)
+from .evaluation.mechanizations import (
+    compare_mechanizations as compare_mechanizations,
+)
+from .evaluation.mechanizations import (
+    trajectory_errors as trajectory_errors,
+)
+from .evaluation.outage_twin import (
+    OutageTwin as OutageTwin,
+)
+from .evaluation.outage_twin import (
+    draw_outage_twin as draw_outage_twin,
+)
+from .evaluation.outage_twin import (
+    outage_twin as outage_twin,
+)
+from .evaluation.outage_twin import (
+    run_outages as run_outages,
+)
 from .evaluation.outages import (
     OutageEvaluation as OutageEvaluation,
 )
 from .evaluation.outages import (
+    OutageStatistics as OutageStatistics,
+)
+from .evaluation.outages import (
     evaluate_outages as evaluate_outages,
+)
+from .evaluation.outages import (
+    judge_window as judge_window,
+)
+from .evaluation.paired import (
+    PairedStatistics as PairedStatistics,
+)
+from .evaluation.paired import (
+    paired_statistics as paired_statistics,
+)
+from .evaluation.position_error import (
+    position_error_of_accel_bias as position_error_of_accel_bias,
+)
+from .evaluation.position_error import (
+    position_error_of_gyro_bias as position_error_of_gyro_bias,
+)
+from .evaluation.position_error import (
+    position_sd_of_white_acceleration as position_sd_of_white_acceleration,
+)
+from .evaluation.position_error import (
+    schuler_factor as schuler_factor,
 )
 from .io.kalibr import (
     kalibr_yaml as kalibr_yaml,
@@ -240,14 +375,35 @@ from .navigation.aiding.options import (
 from .navigation.aiding.weighting import (
     GnssWeighting as GnssWeighting,
 )
+from .navigation.error_models.allan_readings import (
+    AllanReading as AllanReading,
+)
+from .navigation.error_models.autoregressive_fits import (
+    autoregressive_fits as autoregressive_fits,
+)
 from .navigation.error_models.catalogue import (
     ErrorModel as ErrorModel,
+)
+from .navigation.error_models.catalogue import (
+    error_model as error_model,
+)
+from .navigation.error_models.sensor_denoising import (
+    SensorDenoising as SensorDenoising,
+)
+from .navigation.error_models.sensor_error_model import (
+    sensor_error_model as sensor_error_model,
 )
 from .navigation.error_models.sources import (
     error_models as error_models,
 )
 from .navigation.mechanizations.navigate_array import (
     navigate_array as navigate_array,
+)
+from .navigation.mechanizations.parity import (
+    array_error_model as array_error_model,
+)
+from .navigation.mechanizations.parity import (
+    parity_matrix as parity_matrix,
 )
 from .navigation.navigate import (
     navigate as navigate,
@@ -281,6 +437,9 @@ from .navigation.tuning.inflation import (
 )
 from .noise.arma import (
     ARMA as ARMA,
+)
+from .noise.arma_exchange import (
+    arma_to_gauss_markov_sum as arma_to_gauss_markov_sum,
 )
 from .noise.autoregressive import (
     Autoregressive as Autoregressive,
@@ -321,6 +480,21 @@ from .noise.white import (
 from .report.write import (
     write_report as write_report,
 )
+from .rotations import (
+    dcm_from_euler as dcm_from_euler,
+)
+from .rotations import (
+    dcm_from_rotation_vector as dcm_from_rotation_vector,
+)
+from .rotations import (
+    euler_from_dcm as euler_from_dcm,
+)
+from .rotations import (
+    rotation_vector_from_dcm as rotation_vector_from_dcm,
+)
+from .rotations import (
+    wahba as wahba,
+)
 from .screening.screen import (
     Screening as Screening,
 )
@@ -330,14 +504,41 @@ from .screening.screen import (
 from .screening.screen import (
     screen as screen,
 )
+from .simulation.array import (
+    simulate_array as simulate_array,
+)
 from .simulation.gnss import (
     simulate_gnss as simulate_gnss,
+)
+from .simulation.imu import (
+    ideal_imu as ideal_imu,
 )
 from .simulation.imu import (
     simulate_imu as simulate_imu,
 )
 from .simulation.imu import (
     simulate_static as simulate_static,
+)
+from .simulation.motions.profile import (
+    Profile as Profile,
+)
+from .simulation.motions.riding import (
+    motorcycle as motorcycle,
+)
+from .simulation.motions.set_pieces import (
+    SetPiece as SetPiece,
+)
+from .simulation.motions.set_pieces import (
+    car_with_set_pieces as car_with_set_pieces,
+)
+from .simulation.motions.skiing import (
+    ski as ski,
+)
+from .simulation.receivers import (
+    GnssGrade as GnssGrade,
+)
+from .simulation.receivers import (
+    simulate_receiver as simulate_receiver,
 )
 from .simulation.scenario import (
     Scenario as Scenario,
@@ -348,12 +549,19 @@ from .simulation.scenario import (
 from .simulation.scenario import (
     simulate_drive as simulate_drive,
 )
+from .simulation.stamps import (
+    box_car as box_car,
+)
+from .simulation.stamps import (
+    box_car_gain as box_car_gain,
+)
 
 __version__: str
 
 __all__ = [
     "ARMA",
     "AllanCurve",
+    "AllanReading",
     "ArFit",
     "ArmaFit",
     "ArmaGarchFit",
@@ -374,6 +582,7 @@ __all__ = [
     "GarchFit",
     "GaussMarkov",
     "Geometry",
+    "GnssGrade",
     "GnssReceiver",
     "GnssRecording",
     "GnssWeighting",
@@ -385,12 +594,15 @@ __all__ = [
     "ImuMethodComparison",
     "ImuRecording",
     "Innovations",
+    "InputError",
     "LastingFaultSettings",
     "LastingFaults",
     "Magnetometer",
     "MeasurementOptions",
+    "MechanizationComparison",
     "MethodComparison",
     "MethodIdentification",
+    "ModelError",
     "Mounting",
     "NavigationFilter",
     "NavigationSolution",
@@ -398,10 +610,15 @@ __all__ = [
     "NoiseModel",
     "NoiseTuning",
     "Observability",
+    "OnlineSettings",
     "OutageEvaluation",
+    "OutageStatistics",
+    "OutageTwin",
+    "PairedStatistics",
     "PooledIdentification",
     "Process",
     "ProcessSum",
+    "Profile",
     "Quantization",
     "RandomWalk",
     "RateRamp",
@@ -410,6 +627,8 @@ __all__ = [
     "SchulerError",
     "Screening",
     "Segment",
+    "SensorDenoising",
+    "SetPiece",
     "SimulatedDrive",
     "Sinusoid",
     "SpectrumCurve",
@@ -421,51 +640,108 @@ __all__ = [
     "WhiteNoise",
     "allan_deviation",
     "arch_lm_test",
+    "arma_to_gauss_markov_sum",
+    "array_error_model",
     "autocorrelation",
+    "autoregressive_fits",
     "averaged_volatility",
+    "bias_correlation",
+    "box_car",
+    "box_car_gain",
     "calibrate_array",
+    "car_with_set_pieces",
     "characterize_imu",
+    "chi_square_power",
+    "chi_square_threshold",
     "compare_error_models",
+    "compare_mechanizations",
     "compare_methods",
     "compare_methods_imu",
+    "compare_predictors",
+    "conditional_noise",
+    "cornered_hat",
+    "dcm_from_euler",
+    "dcm_from_rotation_vector",
     "denoise",
     "detect_faults",
     "detect_lasting_faults",
+    "draw_outage_twin",
+    "empirical_threshold",
+    "error_model",
     "error_models",
+    "euler_from_dcm",
     "evaluate_outages",
+    "ewma_variance",
     "fast_orthogonal_search",
     "find_jumps",
     "fit_ar",
+    "fit_ar_orders",
     "fit_arma",
     "fit_arma_garch",
     "fit_garch",
+    "fit_gauss_markov",
     "fit_gmwm",
     "fit_gmwm_replicates",
     "fit_maximum_likelihood",
+    "garch_log_likelihood",
+    "ideal_imu",
     "identify",
+    "identify_spectrum",
+    "innovation_variance_of_signal",
+    "jarque_bera_test",
+    "judge_window",
     "kalibr_yaml",
     "learn_healthy_motion",
+    "level_for_band",
+    "likelihood_statistics",
     "ljung_box_test",
+    "motorcycle",
+    "multi_step_ar",
     "navigate",
     "navigate_array",
+    "ned_from_geodetic",
     "observability",
+    "optimize_cone",
+    "outage_twin",
+    "paired_statistics",
+    "parity_matrix",
+    "position_error_of_accel_bias",
+    "position_error_of_gyro_bias",
+    "position_sd_of_white_acceleration",
     "power_spectral_density",
     "read_array",
     "read_gnss",
     "read_imu",
+    "redundant_sensors",
     "repair",
+    "robust_autocorrelation_band",
+    "rotation_vector_from_dcm",
+    "run_outages",
+    "schuler_factor",
     "screen",
+    "search_by_protocol",
     "select_ar",
     "select_arma",
     "select_garch",
+    "sensor_error_model",
+    "simulate_array",
     "simulate_drive",
+    "simulate_garch",
     "simulate_gnss",
     "simulate_imu",
+    "simulate_receiver",
     "simulate_static",
+    "ski",
+    "slope_method",
     "synchronize",
     "synthesize",
+    "tetrahedron_mounting",
+    "threshold_performance",
+    "trajectory_errors",
     "tune_noise",
+    "wahba",
     "wavelet_variance",
+    "whiten_lattice",
     "write_kalibr",
     "write_report",
 ]
