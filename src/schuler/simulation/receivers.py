@@ -115,7 +115,8 @@ def simulate_receiver(
     Examples
     --------
     >>> import numpy as np, schuler
-    >>> grade = schuler.GnssGrade("code", 5, (1.0, 1.0, 2.0), (1.0, 1.0, 2.0), 60.0, (0.1, 0.1, 0.1))
+    >>> sd = (1.0, 1.0, 2.0)
+    >>> grade = schuler.GnssGrade("code", 5, sd, sd, 60.0, (0.1, 0.1, 0.1))
     >>> ride = schuler.motorcycle(120.0)
     >>> schuler.simulate_receiver(ride, grade, rng=np.random.default_rng(0)).time.size > 100
     True
