@@ -91,7 +91,35 @@ class Denoised(ToDict):
 
 
 def level_for_band(band: float, rate: float) -> int:
-    """Most levels whose approximation still holds everything up to a frequency."""
+    """Most levels of decomposition whose approximation still holds everything up to a frequency.
+
+    Parameters
+    ----------
+    band : float
+        Frequency, Hz.
+    rate : float
+        Samples a second, Hz.
+
+    Returns
+    -------
+    int
+        Level L with rate / 2^(L+1) not below `band`.
+
+    Raises
+    ------
+    InputError
+        A band that is not between zero and half the rate.
+
+    Notes
+    -----
+    Erratum E-003-8 of S003: 12.5 Hz at 200 Hz are three levels, not four.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.level_for_band(12.5, 200.0)
+    3
+    """
     rate = checked_rate(rate)
     if not (np.isfinite(band) and 0.0 < band <= 0.25 * rate):
         raise InputError(f"band is {band:g} Hz", expected=f"above 0, at most {0.25 * rate:g} Hz")

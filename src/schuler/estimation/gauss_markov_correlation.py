@@ -93,7 +93,36 @@ class GaussMarkovCorrelation(ToDict):
 
 
 def fit_gauss_markov(curve: AutocorrelationCurve) -> GaussMarkovCorrelation:
-    """Fit R(lag) = sigma² exp(-lag/Tc), with a white spike at lag 0, to an autocovariance."""
+    """Fit R(lag) = sigma² exp(-lag/Tc), with a white spike at lag 0, to an autocovariance.
+
+    Parameters
+    ----------
+    curve : AutocorrelationCurve
+        From `autocorrelation`.
+
+    Returns
+    -------
+    GaussMarkovCorrelation
+        sigma in u, correlation time in s with its sampling error sqrt(2 Tc/T), and the probability
+        that the shape is exponential.
+
+    Raises
+    ------
+    EstimationError
+        A correlation that does not decay within the curve.
+
+    Notes
+    -----
+    S003 Fig. 1, S004 (11).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise = schuler.GaussMarkov(1.0, 20.0).simulate(50_000, 0.2, np.random.default_rng(0))
+    >>> fit = schuler.fit_gauss_markov(schuler.autocorrelation(noise, 5.0, max_lag=100.0))
+    >>> 15.0 < fit.correlation_time < 25.0
+    True
+    """
     if curve.kind != "biased":
         raise InputError("an unbiased autocovariance", expected="kind='biased'")
     if curve.lag.size < 5:

@@ -62,7 +62,32 @@ class SlopeReadings(ToDict):
 
 
 def slope_method(curve: AllanCurve) -> SlopeReadings:
-    """Read N, B and K off the curve of one signal."""
+    """Read N, B and K off the Allan curve of one signal, as papers and datasheets do.
+
+    Parameters
+    ----------
+    curve : AllanCurve
+        From `allan_deviation`.
+
+    Returns
+    -------
+    SlopeReadings
+        Each with its value in SI, the times it was read between and its relative error; None where
+        the curve has no such part.
+
+    Notes
+    -----
+    S004 section 5.4. Where the slopes of white noise and random walk cross, what is read as bias
+    instability is none (erratum E-004-9); `identify` fits all parts together.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise = schuler.WhiteNoise(0.1).simulate(50_000, 0.01, np.random.default_rng(0))
+    >>> read = schuler.slope_method(schuler.allan_deviation(noise, 100.0))
+    >>> round(read.white_noise.value, 2)
+    0.1
+    """
     good = curve.deviation > 0.0
     tau, deviation = curve.tau[good], curve.deviation[good]
     if tau.size < 3:

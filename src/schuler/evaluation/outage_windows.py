@@ -213,7 +213,56 @@ def judge_window(
     sd_factor: float,
     white_density: FloatArray | None = None,
 ) -> OutageWindow:
-    """Compare a solution with the GNSS positions of one window."""
+    """Compare a solution with the GNSS positions of one window.
+
+    Parameters
+    ----------
+    solution : NavigationSolution
+        That went without GNSS through the window.
+    gnss : GnssRecording
+        What was withheld; its own standard deviations count.
+    window : (start, seconds)
+        After the first epoch of `gnss`, s.
+    lever_arm : (3,) ndarray
+        Of the antenna in the body, m.
+    time_offset : float
+        Of GNSS, s.
+    sd_factor : float
+        On the standard deviations of GNSS.
+    white_density : (6,) ndarray, optional
+        Of accelerometers and gyros in the filter; gives the floor of white noise.
+
+    Returns
+    -------
+    OutageWindow
+        Errors and claimed standard deviations, m.
+
+    Raises
+    ------
+    InputError
+        No epoch inside the window.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> ride = schuler.motorcycle(120.0)
+    >>> gyro = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(1e-3, 100.0)
+    >>> accel = schuler.WhiteNoise(1e-2) + schuler.GaussMarkov(0.02, 100.0)
+    >>> noise, place = schuler.NoiseModel.isotropic(gyro, accel), schuler.Mounting.aligned(2)
+    >>> rng = np.random.default_rng(0)
+    >>> two = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(two, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
+    >>> found = schuler.navigate_array(
+    ...     array, gnss, noise, outages=[(100.0, 5.0)], time_offset=0.0
+    ... )
+    >>> judged = schuler.judge_window(
+    ...     found.solution, gnss, (100.0, 5.0), lever_arm=np.zeros(3), time_offset=0.0,
+    ...     sd_factor=1.0,
+    ... )
+    >>> judged.max_m < 50.0
+    True
+    """
     start, seconds = window
     since = gnss.time - gnss.time[0]
     path = solution.trajectory

@@ -64,7 +64,34 @@ class PairedStatistics(ToDict):
 
 
 def paired_statistics(a: ArrayLike, b: ArrayLike) -> PairedStatistics:
-    """Compare two methods on the same cases."""
+    """Compare two methods on the same cases.
+
+    Parameters
+    ----------
+    a, b : (n,) array_like
+        Errors of both, in one unit.
+
+    Returns
+    -------
+    PairedStatistics
+        Mean difference with its standard error, wins, sign test, Wilcoxon's signed ranks, and the
+        gain of a over b by both rules of percentages.
+
+    Raises
+    ------
+    InputError
+        Lengths that differ.
+
+    Notes
+    -----
+    Erratum E-004-17 of S004: it mixes the mean of ratios with the ratio of sums.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.paired_statistics([1.0, 2.0, 3.0], [2.0, 3.0, 4.0]).wins
+    3
+    """
     from scipy.stats import binomtest, wilcoxon
 
     one, two = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)

@@ -111,7 +111,43 @@ def identify_spectrum(
     segment: int | None = None,
     band: tuple[float, float] | None = None,
 ) -> SpectrumFit:
-    """Find the processes of a signal from its power spectral density."""
+    """Find the processes of a signal from its power spectral density.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at a constant rate, in u.
+    rate : float
+        Samples a second, Hz.
+    model : {"auto", "classical"} or Process
+        Structure that is fitted, or how it is chosen.
+    segment : int, optional
+        Samples of a segment of Welch's average.
+    band : (low, high), optional
+        Frequencies that are used, Hz.
+
+    Returns
+    -------
+    SpectrumFit
+        Parameters in SI with standard errors, and the process.
+
+    Raises
+    ------
+    InputError
+        Too short, or a band without frequencies.
+
+    Notes
+    -----
+    S004 (12) and section 5.3, fitted by Whittle's likelihood instead of by eye.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise = schuler.WhiteNoise(0.1).simulate(50_000, 0.01, np.random.default_rng(0))
+    >>> fit = schuler.identify_spectrum(noise, 100.0, schuler.WhiteNoise(1.0))
+    >>> round(fit.parameters["white_noise.density"], 2)
+    0.1
+    """
     return fit_spectrum(
         power_spectral_density(signal, rate, onesided=False, segment=segment), model, band=band
     )

@@ -52,7 +52,35 @@ def sensor_error_model(
     """Lay out the states of all six channels, each with a state that can hold a constant.
 
     A channel without a constant state gets a turn-on bias: without one a filter forgets the
-    constant part within an outage (spec 7.3, turn-on bias).
+    constant part within an outage.
+
+    Parameters
+    ----------
+    noise_model : NoiseModel
+        Of one IMU.
+    turn_on_accel, turn_on_gyro : float
+        Standard deviations of constants at switch-on, m/s² and rad/s.
+    interval : float, optional
+        Between samples, s; for processes that exist at one interval only.
+    hold_constants : bool
+        Whether channels without a constant state get one.
+
+    Returns
+    -------
+    SensorErrorModel
+        For `observability` and filters.
+
+    Raises
+    ------
+    ModelError
+        A process without a state space.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(1e-3), schuler.WhiteNoise(1e-2))
+    >>> schuler.sensor_error_model(noise, turn_on_accel=0.1, turn_on_gyro=0.01).size
+    6
     """
     names: list[str] = []
     ignored: list[str] = []
