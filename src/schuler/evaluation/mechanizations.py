@@ -7,7 +7,6 @@ the epochs that were withheld, and with a true trajectory at every sample.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -61,8 +60,6 @@ class MechanizationResult:
         north, east and down.
     outages : OutageStatistics or None
         At the epochs that were withheld.
-    cpu_seconds : float
-        Of the run itself.
     """
 
     label: str
@@ -72,7 +69,6 @@ class MechanizationResult:
     largest: FloatArray
     claimed: FloatArray
     outages: OutageStatistics | None
-    cpu_seconds: float
 
     @property
     def solution(self) -> NavigationSolution:
@@ -136,13 +132,15 @@ class MechanizationComparison:
                 {
                     "label": r.label,
                     "mechanization": r.mechanization,
-                    "states": states_of(r.navigation),
+                    "states": r.navigation.states,
                     "rms": _plain(r.rms),
                     "largest": _plain(r.largest),
                     "claimed_sd": _plain(r.claimed),
                     "nis_over_degrees": r.solution.innovations.gnss.mean_nis,
                     "outages": None if r.outages is None else r.outages.to_dict(),
-                    "cpu_us_per_sample": 1e6 * r.cpu_seconds / r.solution.trajectory.size,
+                    "cpu_us_per_sample": 1e6
+                    * r.navigation.cpu_seconds
+                    / r.solution.trajectory.size,
                 }
                 for r in self.results
             ],
@@ -238,9 +236,7 @@ def compare_mechanizations(
         name, imu = case
         label = f"{prepared.array.names[imu]} alone" if name == "single" else str(name)
         say(f"filtering: {label}")
-        begin = time.thread_time()
         navigation = run_mechanization(prepared, used, name, parity=parity, imu=imu, rigid=rigid)
-        cpu = time.thread_time() - begin
         rms, largest, claimed = _errors(navigation.solution, truth, judged)
         windows = tuple(
             judge_window(
@@ -254,7 +250,7 @@ def compare_mechanizations(
             for window in outages
         )
         statistics = OutageStatistics(windows) if windows else None
-        return MechanizationResult(label, name, navigation, rms, largest, claimed, statistics, cpu)
+        return MechanizationResult(label, name, navigation, rms, largest, claimed, statistics)
 
     cases = [
         (name, imu)
@@ -263,13 +259,6 @@ def compare_mechanizations(
     ]
     results = in_threads(one, cases)
     return MechanizationComparison(tuple(results), prepared, tuple(outages), judged)
-
-
-def states_of(navigation: ArrayNavigation) -> int:
-    """Return the number of states of the filter of a mechanization."""
-    if navigation.stack is not None:
-        return int(navigation.stack.covariance.shape[0])
-    return 9 + (0 if navigation.model is None else navigation.model.size)
 
 
 def sensor_biases(navigation: ArrayNavigation) -> tuple[FloatArray, FloatArray]:

@@ -157,6 +157,8 @@ def _require_for_arrays(
     """Raise for what an array cannot take, by the names of the options."""
     from schuler.navigation.mechanizations.navigate_array import MECHANIZATIONS
 
+    if answer.smooth and answer.lag is not None:
+        raise InputError("--smooth and --lag with --array", expected="one of them")
     names = (ALL, *MECHANIZATIONS)
     if several.mechanization not in names:
         raise InputError(f"mechanization '{several.mechanization}'", expected=" or ".join(names))
