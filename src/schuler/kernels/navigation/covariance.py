@@ -28,13 +28,19 @@ Integers = NDArray[np.int64]
 
 @kernel(inline=True)
 def work_rows(work: Work) -> tuple[Array, Array, Array, Array]:
-    """Rows of 264 for channel errors (6), two results (9 each), and whole blocks (9 or more).
+    """Rows of 264 for channel errors (6), two results and what is multiplied (9 each).
 
-    Parts of one array, so that the compiler knows that they lie apart.
+    Parts of one array of known length, so that the compiler knows that they lie apart.
     """
     s = 264
     flat = work.rows
-    return flat[: 6 * s], flat[6 * s : 15 * s], flat[15 * s : 24 * s], flat[24 * s :]
+    return flat[: 6 * s], flat[6 * s : 15 * s], flat[15 * s : 24 * s], flat[24 * s : 33 * s]
+
+
+@kernel(inline=True)
+def full_lanes(width: int) -> int:
+    """The next multiple of four: a loop over so many places leaves no rest to do one by one."""
+    return (width + 3) & -4
 
 
 @kernel(inline=True)
@@ -265,16 +271,17 @@ def propagate_covariance(state: FilterState, model: SensorModel, work: Work, dt:
         for k in range(n):
             rows[i * s + k] = covariance[i, k]
     channel_rows(covariance, model.channel, work.shown, n, errors)
-    navigation_rows(rows, errors, top, n, dt, rotation, earth, transport)
+    # behind the last column stand zeros
+    navigation_rows(rows, errors, top, full_lanes(n), dt, rotation, earth, transport)
     for i in range(9):
         for k in range(9):
             rows[k * s + i] = top[i * s + k]
     channel_columns(model.channel, work.shown, top, errors)
-    navigation_rows(rows, errors, block_top, 9, dt, rotation, earth, transport)
+    navigation_rows(rows, errors, block_top, 12, dt, rotation, earth, transport)
     for i in range(9):
         for k in range(i + 1):
             covariance[i, k] = block_top[i * s + k]
             covariance[k, i] = block_top[i * s + k]
     cross_covariance(covariance, model.block, state.transition, top)
-    sensor_covariance(covariance, model.block, state.transition, state.noise, rows)
+    sensor_covariance(covariance, model.block, state.transition, state.noise, work.blocks)
     add_white_noise(covariance, rotation, work.white, dt)

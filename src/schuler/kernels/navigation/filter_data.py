@@ -344,12 +344,14 @@ class VehicleWork:
 class Work:
     """What a step writes and forgets.
 
-    rows: rows of `ROW` places in one array, see `work_rows`; sensor (m,);
+    rows: rows of `ROW` places in one array, see `work_rows`; blocks: as many as the largest block
+    has states; sensor (m,);
     shown (m, 3): how states show in this sample; angle to sculling: shares of a sample that fall
     on one step; white (2, 3, 3) and root (6,): noise in this sample.
     """
 
-    rows: Vector
+    rows: Annotated[Array, reals(33 * ROW)]
+    blocks: Vector
     sensor: Vector
     shown: Vectors3
     angle: Vector3
@@ -365,7 +367,8 @@ class Work:
         """Work for a model."""
         m, widest = model.drift.shape
         shapes = {
-            "rows": ((24 + max(9, widest)) * ROW,),
+            "rows": (33 * ROW,),
+            "blocks": (widest * ROW,),
             "sensor": (m,),
             "shown": (m, 3),
             "angle": (3,),

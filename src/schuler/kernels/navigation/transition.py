@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.navigation.covariance import navigation_rows, work_rows
+from schuler.kernels.navigation.covariance import full_lanes, navigation_rows, work_rows
 from schuler.kernels.navigation.filter_data import FilterState, SensorModel, Work
 
 Array = NDArray[np.float64]
@@ -280,11 +280,12 @@ def accumulate_transition(state: FilterState, model: SensorModel, work: Work, dt
                 base = 0 if c < 3 else 3
                 for i in range(3):
                     errors[(base + i) * s + 9 + first + q] += direction[j, i] * sensor[j, q]
-    navigation_rows(top, errors, result, n, dt, state.rotation, state.earth, state.transport)
+    rotation, earth, transport = state.rotation, state.earth, state.transport
+    navigation_rows(top, errors, result, full_lanes(n), dt, rotation, earth, transport)
     for i in range(9):
         for k in range(n):
             top[i * s + k] = result[i * s + k]
-    multiply_blocks(sensor, block, state.transition, result)
+    multiply_blocks(sensor, block, state.transition, work.blocks)
 
 
 @kernel(inline=True)
