@@ -9,15 +9,9 @@ F = f_T' Q_TT^-1 f_T.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.arrays.redundancy_data import Plan
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from schuler.kernels.types import BoolArray, FloatArray, IntArray
 
 
 @kernel(inline=True)

@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.attitude_aiding import heading_model, magnetic_model
 from schuler.kernels.navigation.filter_data import Filter
@@ -26,13 +23,12 @@ from schuler.kernels.navigation.vehicle import (
     zero_rate_model,
     zero_velocity_model,
 )
-
-Array = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(inline=True)
 def constraint_applies(
-    kind: int, velocity: Array, covariance: Array, rolling: float, standing: float
+    kind: int, velocity: FloatArray, covariance: FloatArray, rolling: float, standing: float
 ) -> bool:
     """Whether the vehicle moves as a constraint supposes, by the filter's own speed.
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
@@ -28,7 +27,8 @@ def integrate(signal: FloatArray, offset: FloatArray, theta: FloatArray) -> None
         Filled in place.
     """
     total = np.zeros(offset.size)
-    theta[:, 0] = 0.0
+    for c in range(offset.size):
+        theta[c, 0] = 0.0
     for k in range(signal.shape[0]):
         for j in range(offset.size):
             total[j] += signal[k, j] - offset[j]
@@ -86,7 +86,8 @@ def allan_sums(theta: FloatArray, factors: NDArray[np.int64], sums: FloatArray, 
     block : int
         Terms served before the next cluster length gets its turn.
     """
-    sums[:] = 0.0
+    for c in range(sums.size):
+        sums[c] = 0.0
     for start in range(0, theta.size, block):
         for j in range(0, factors.size, 2):
             m = factors[j]

@@ -6,11 +6,9 @@ NIST SP 1065 (Riley 2008), sections 5.2.3 to 5.2.14, for theta the running sum o
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(reduction=True)

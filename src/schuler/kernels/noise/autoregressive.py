@@ -6,12 +6,8 @@ halves of a lattice stage while it is in the cache; the block sums also keep rou
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(reduction=True, inline=True)
@@ -67,7 +63,8 @@ def lag_products(signal: FloatArray, block: int, out: FloatArray) -> None:
     out : (p + 1,) ndarray
         Filled in place; entry k belongs to lag k.
     """
-    out[:] = 0.0
+    for lag in range(out.size):
+        out[lag] = 0.0
     for start in range(0, signal.size, block):
         stop = min(start + block, signal.size)
         for lag in range(out.size):

@@ -6,11 +6,9 @@ Spec 5.2: s_t = alpha_0 + sum alpha_i e²(t-i) + sum beta_j s(t-j), p squared sh
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
@@ -187,11 +185,13 @@ def arma_garch_slopes(
     de = np.zeros((depth, k))
     ds = np.zeros((depth, k))
     one = np.zeros(k)
-    score[:] = 0.0
-    information[:, :] = 0.0
     with_outer = outer.size > 0
-    if with_outer:
-        outer[:, :] = 0.0
+    for m in range(k):
+        score[m] = 0.0
+        for r in range(k):
+            information[m, r] = 0.0
+            if with_outer:
+                outer[m, r] = 0.0
     value = 0.0
     for t in range(signal.size):
         now = t % depth

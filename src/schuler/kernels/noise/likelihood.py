@@ -14,11 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
@@ -237,8 +235,10 @@ def likelihood_pass(
     state, gain = np.empty((filters, d)), np.empty((filters, d))
     covariance, work = np.empty((filters, d, d)), np.empty(d)
     v, variance = np.empty(filters), np.empty(filters)
-    score[:] = 0.0
-    information[:] = 0.0
+    for i in range(filters - 1):
+        score[i] = 0.0
+        for j in range(filters - 1):
+            information[i, j] = 0.0
     for i in range(filters):
         start_at_first(
             values[0],

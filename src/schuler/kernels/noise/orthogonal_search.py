@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 
 @kernel()
