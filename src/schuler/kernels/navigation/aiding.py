@@ -127,10 +127,10 @@ def aiding_model(f: Filter, u: int, kind: int, k: int, step: float) -> None:
         for c in range(3):
             rate -= state.rotation[c, i] * state.earth[3 + c]
         z.body_rate[i] = rate
-    if kind == 0 or kind == 8:
-        antenna_model(f, 0)
-    elif kind == 1:
-        antenna_model(f, 1)
+    if kind == 0 or kind == 1 or kind == 8:
+        # by a number that is not literal: one signature for both
+        antenna_model(f, kind % 8)
+    if kind == 1:
         add_rate_noise(z.lever, state.rotation, work.white, step, z.noise_variance)
     elif kind == 2:
         rolling_model(f)

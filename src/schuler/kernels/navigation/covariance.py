@@ -282,7 +282,7 @@ def propagate_covariance(state: FilterState, model: SensorModel, work: Work, dt:
         for k in range(9):
             rows[k * s + i] = top[i * s + k]
     channel_columns(model.channel, work.shown, top, errors)
-    navigation_rows(rows, errors, block_top, 12, dt, rotation, earth, transport)
+    navigation_rows(rows, errors, block_top, full_lanes(9), dt, rotation, earth, transport)
     for i in range(9):
         for k in range(i + 1):
             covariance[i, k] = block_top[i * s + k]
