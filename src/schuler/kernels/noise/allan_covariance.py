@@ -104,6 +104,17 @@ def _lag_covariance(
 
 
 @kernel()
+def _sort(values: FloatArray, count: int) -> None:
+    """Sort the first few values by insertion; `np.sort` takes seconds to compile."""
+    for k in range(1, count):
+        value, place = values[k], k
+        while place > 0 and values[place - 1] > value:
+            values[place] = values[place - 1]
+            place -= 1
+        values[place] = value
+
+
+@kernel()
 def _panels(
     m: float, n: float, end: float, rough: bool, gm_time: FloatArray, edges: FloatArray
 ) -> int:
@@ -121,11 +132,12 @@ def _panels(
     # a process with memory reaches beyond the overlap of the two
     last = end if rough or gm_time.size > 0 else min(end, n + m)
     kept = 0
-    ordered = np.sort(edges[:count])
+    _sort(edges, count)
     for k in range(count):
-        inside = 0.0 <= ordered[k] < last
-        if inside and (kept == 0 or ordered[k] > edges[kept - 1] * (1.0 + 1e-12)):
-            edges[kept] = ordered[k]
+        edge = edges[k]
+        inside = 0.0 <= edge < last
+        if inside and (kept == 0 or edge > edges[kept - 1] * (1.0 + 1e-12)):
+            edges[kept] = edge
             kept += 1
     edges[kept] = last
     return kept + 1
