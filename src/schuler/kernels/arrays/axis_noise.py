@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.kernels.arrays.fusion import BoolArray, FloatArray, IntArray
 from schuler.kernels.arrays.redundancy_data import Plan
 from schuler.kernels.compile import kernel
+from schuler.kernels.types import BoolArray, FloatArray, IntArray
 
 
 @kernel()
