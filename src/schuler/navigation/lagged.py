@@ -88,7 +88,7 @@ class LaggedNodes:
         error[still] = 0.0
         position[still] = samples.position_covariance[still]
         sd[still, 3:6], sd[still, 6:9] = samples.velocity_sd[still], samples.attitude_sd[still]
-        return corrected_samples(samples, error, position, sd)
+        return corrected_samples(samples, error, position, sd[:, 3:6], sd[:, 6:9])
 
 
 def smooth_nodes_with_lag(
