@@ -21,6 +21,7 @@ VERBS = (
     "tune",
     "simulate",
     "export",
+    "run",
     "warm",
 )
 """Our verbs; each is a function of its name in a module of its name."""

@@ -32,6 +32,8 @@ def simulate(
 ) -> int:
     """Simulate a drive: IMU, GNSS and truth, in a folder that the other commands read by name.
 
+    Example: `schuler simulate drive --duration 600 --outage 300:30`
+
     Parameters
     ----------
     out : Path
