@@ -25,6 +25,7 @@ VERBS = (
     "convert",
     "read",
     "formats",
+    "run",
     "warm",
 )
 """Our verbs; each is a function of its name in a module of its name."""

@@ -44,6 +44,8 @@ def characterize(
     noise, Gauss-Markov, random walk and what else the data support, and says how far the
     numbers can be trusted.
 
+    Example: `schuler characterize static.csv --noise-out noise.yaml --report noise.html`
+
     Parameters
     ----------
     file : Path
