@@ -17,6 +17,7 @@ from schuler.estimation.ieee952 import (
 from schuler.estimation.record import RecordVerdict
 from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum
+from schuler.noise.effects import Effect
 from schuler.types import FloatArray
 
 CLOSE = 6.0
@@ -81,6 +82,8 @@ class Identification:
         What to know before use, in plain words; empty if nothing.
     lines : tuple of Line
         Lines of vibration that were taken out first.
+    effects : tuple of Effect
+        What follows a column beside the signal, taken out first.
     """
 
     process: ProcessSum
@@ -93,6 +96,7 @@ class Identification:
     verdict: RecordVerdict
     flags: tuple[str, ...] = field(default=(), kw_only=True)
     lines: tuple[Line, ...] = field(default=(), kw_only=True)
+    effects: tuple[Effect, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> str:
@@ -146,5 +150,6 @@ class Identification:
             "slope_method": self.slopes.to_dict(),
             "record": self.verdict.to_dict(),
             **({"flags": list(self.flags)} if self.flags else {}),
+            **({"effects": [e.to_dict() for e in self.effects]} if self.effects else {}),
             **({"lines": [line.to_dict() for line in self.lines]} if self.lines else {}),
         }

@@ -19,6 +19,7 @@ from schuler.navigation.error_models.generic_noise import (
 )
 from schuler.navigation.preparation.prepare import Progress, prepare
 from schuler.navigation.run import FALSE_ALARM, run
+from schuler.noise.effects import compensated
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -122,6 +123,8 @@ def navigate(
     if not (isinstance(smooth, bool) or smooth == "fixed-lag"):
         raise InputError(f"smoothing '{smooth}'", expected="False, True or 'fixed-lag'")
     used = withhold(gnss, outages) if outages else gnss
+    if noise_model is not None:
+        imu = compensated(imu, noise_model.effects)
     cut, setup = prepare(
         imu,
         used,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -89,6 +89,10 @@ class GarchFit:
         Tests of the signal, and of the signal divided by its conditional deviation.
     starts : tuple of GarchStart
         All starts of the search.
+    hessian_standard_errors : dict of str to float
+        From the observed information alone: right where Z has the law that was assumed.
+    degrees_of_freedom, degrees_of_freedom_error : float or None
+        Of Student's law, where it was fitted.
     candidates : tuple of GarchCandidate
         The orders that `select_garch` compared.
     """
@@ -113,6 +117,9 @@ class GarchFit:
     before: ResidualTests | None
     after: ResidualTests | None
     starts: tuple[GarchStart, ...] = ()
+    hessian_standard_errors: dict[str, float] = field(default_factory=dict)
+    degrees_of_freedom: float | None = None
+    degrees_of_freedom_error: float | None = None
     candidates: tuple[GarchCandidate, ...] = ()
 
     @property
@@ -242,12 +249,15 @@ class GarchFit:
                 key: {
                     "value": value,
                     "standard_error": number(self.standard_errors.get(key)),
+                    "hessian_standard_error": number(self.hessian_standard_errors.get(key)),
                     "t_value": number(self.t_values.get(key)),
                     "p_value": number(self.p_values.get(key)),
                 }
                 for key, value in self.values.items()
             },
             "mean": self.mean,
+            "degrees_of_freedom": number(self.degrees_of_freedom),
+            "degrees_of_freedom_error": number(self.degrees_of_freedom_error),
             "persistence": self.persistence,
             "unconditional_variance": number(self.unconditional_variance),
             "half_life_samples": number(self.half_life),
