@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from schuler.curves.allan import allan_deviation
+from schuler.estimation.disturbances.covariates import without_covariates
 from schuler.estimation.disturbances.lines import Line
 from schuler.estimation.disturbances.prepare import prepared
 from schuler.estimation.gmwm.fit import fit_gmwm
@@ -17,10 +20,19 @@ from schuler.types import FloatArray
 
 
 def identify_signal(
-    values: FloatArray, rate: float, model: str | Process = "auto"
+    values: FloatArray,
+    rate: float,
+    model: str | Process = "auto",
+    columns: Mapping[str, ArrayLike] | None = None,
 ) -> Identification:
-    """Find the processes of a signal by the joint fit of its Allan curve."""
+    """Find the processes of a signal by the joint fit of its Allan curve.
+
+    What follows a column beside it (temperature) is taken off first, its size found together with
+    the noise.
+    """
     values = np.asarray(values, dtype=np.float64)
+    regression = without_covariates(values, rate, columns or {})
+    values = regression.signal
     ready = prepared(values, rate)
     robustly = ready.robust and not isinstance(model, Process)
     if robustly:
@@ -37,7 +49,17 @@ def identify_signal(
         if ready.lines:
             shown = usual_part(allan_deviation(values, rate, taus))
             found = replace(with_lines(found, ready.lines), curve=shown)
-    return replace(found, flags=(*ready.flags(robustly), *found.flags), lines=ready.lines)
+    followed = tuple(
+        f"it follows the {e.words} by {e.coefficient:.4g} ± {e.standard_error:.2g} (SI), which was "
+        "taken off before the fit"
+        for e in regression.effects
+    )
+    return replace(
+        found,
+        flags=(*ready.flags(robustly), *followed, *regression.flags, *found.flags),
+        lines=ready.lines,
+        effects=regression.effects,
+    )
 
 
 def with_lines(found: Identification, lines: tuple[Line, ...]) -> Identification:

@@ -84,9 +84,10 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
     """
     rate = imu.rate
     channels: dict[str, Identification] = {}
+    columns = {} if imu.temperature is None else {"temperature": imu.temperature}
     for name in imu.channels:
         try:
-            channels[name] = identify_signal(imu.channel(name), rate, model)
+            channels[name] = identify_signal(imu.channel(name), rate, model, columns)
         except SchulerError as error:
             raise error.at(f"{imu.name}, {name}") from None
     if not channels:
@@ -101,6 +102,7 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
             source=f"fit to the Allan deviation of {imu.name}, "
             f"{spell_duration(imu.duration)} at rest",
             limits={c: found.limits for c, found in channels.items()},
+            effects={c: found.effects for c, found in channels.items() if found.effects},
         ),
         findings=tuple(_findings(imu, channels)),
         rate=rate,
@@ -129,6 +131,12 @@ def _findings(imu: ImuRecording, channels: Mapping[str, Identification]) -> list
             f"{_join(late)}: clusters below {max(late.values()):.2g} s were left out of the fit: "
             f"neighbouring samples are correlated (a low-pass filter in the sensor) or hold lines "
             f"of vibration"
+        )
+    drifting = [c for c, f in channels.items() if "rate_ramp" in {p.kind for p in f.process.parts}]
+    if drifting and imu.temperature is None:
+        lines.append(
+            f"{_join(drifting)}: a steady drift was found, as a sensor shows that warms up: log "
+            f"its temperature beside it, or let it run for an hour first"
         )
     lines += _rounding(imu, channels)
     return lines

@@ -19,6 +19,7 @@ from schuler.estimation.record import RecordVerdict
 from schuler.estimation.result import fitted_to_dict
 from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum
+from schuler.noise.effects import Effect
 from schuler.types import FloatArray
 
 CLOSE = 6.0
@@ -83,6 +84,8 @@ class Identification(ToDict):
         What to know before use, in plain words; empty if nothing.
     lines : tuple of Line
         Lines of vibration that were taken out first.
+    effects : tuple of Effect
+        What follows a column beside the signal, taken out first.
     """
 
     JSON = "upper_limits_95=limits slope_method=slopes record=verdict"
@@ -97,6 +100,7 @@ class Identification(ToDict):
     verdict: RecordVerdict
     flags: tuple[str, ...] = field(default=(), kw_only=True)
     lines: tuple[Line, ...] = field(default=(), kw_only=True)
+    effects: tuple[Effect, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> str:

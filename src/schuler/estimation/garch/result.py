@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -90,13 +90,18 @@ class GarchFit(ToDict):
         Tests of the signal, and of the signal divided by its conditional deviation.
     starts : tuple of GarchStart
         All starts of the search.
+    hessian_standard_errors : dict of str to float
+        From the observed information alone: right where Z has the law that was assumed.
+    degrees_of_freedom, degrees_of_freedom_error : float or None
+        Of Student's law, where it was fitted.
     candidates : tuple of GarchCandidate
         The orders that `select_garch` compared.
     """
 
     JSON = (
-        "mean persistence unconditional_variance half_life_samples=half_life log_likelihood "
-        "aic bic samples rate method converged flags before after"
+        "mean degrees_of_freedom degrees_of_freedom_error persistence unconditional_variance "
+        "half_life_samples=half_life log_likelihood aic bic samples rate method converged flags "
+        "before after"
     )
 
     alpha0: float
@@ -119,6 +124,9 @@ class GarchFit(ToDict):
     before: ResidualTests | None
     after: ResidualTests | None
     starts: tuple[GarchStart, ...] = ()
+    hessian_standard_errors: dict[str, float] = field(default_factory=dict)
+    degrees_of_freedom: float | None = None
+    degrees_of_freedom_error: float | None = None
     candidates: tuple[GarchCandidate, ...] = ()
 
     @property
@@ -240,6 +248,7 @@ class GarchFit(ToDict):
         named = {
             "value": self.values,
             "standard_error": self.standard_errors,
+            "hessian_standard_error": self.hessian_standard_errors,
             "t_value": self.t_values,
             "p_value": self.p_values,
         }
