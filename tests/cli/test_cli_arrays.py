@@ -220,7 +220,10 @@ def test_a_calibration_that_does_not_fit_is_one_line(
         (("--mechanization", "all", "--lag", "2"), "--lag with --mechanization all"),
         (("--mechanization", "all", "--update", "huber"), "--update, --adaptive or --gnss-corr"),
         (("--mechanization", "constrained", "--adaptive"), "--adaptive) with the constrained"),
-        (("--mechanization", "constrained", "--smooth"), "--lag) with the constrained mechanization"),
+        (
+            ("--mechanization", "constrained", "--smooth"),
+            "--lag) with the constrained mechanization",
+        ),
     ],
 )
 def test_bad_input_is_one_line(
