@@ -279,7 +279,20 @@ def sensor_biases(navigation: ArrayNavigation) -> tuple[FloatArray, FloatArray]:
                     at = 6 * i + c
                     value[at] = np.nan_to_num(value[at]) + solution.sensor_errors[-1, j]
                     square[at] = np.nan_to_num(square[at]) + solution.sensor_errors_sd[-1, j] ** 2
+    if navigation.mechanization in ("single", "system"):
+        # an IMU by itself is filtered in the axes of the body
+        turn = array.mounting.rotation
+        value, square = _in_own_axes(value, turn), _in_own_axes(square, turn**2)
     return value, np.sqrt(square)
+
+
+def _in_own_axes(values: FloatArray, turn: FloatArray) -> FloatArray:
+    """Triads (6 k,) in the axes of the body, turned into those of each IMU; NaN where empty."""
+    triads = values.reshape(-1, 2, 3)
+    own = np.einsum("kba,ktb->kta", turn, np.nan_to_num(triads))
+    own[np.isnan(triads).all(axis=2)] = np.nan
+    flat: FloatArray = own.ravel()
+    return flat
 
 
 def bias_correlation(

@@ -426,6 +426,7 @@ def take_ties(f: Stack, step: float) -> None:
             )
             out.tie_nis[state.ties[0], i - 1, group] = nis
             for c in range(3):
+                out.tie_deviation[state.ties[0], i - 1, 3 * group + c] = z.deviation[c]
                 use_component(f, c, tie.residual[3 * group + c])
         feed_back_all(f)
     state.ties[0] += 1

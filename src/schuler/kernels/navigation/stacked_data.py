@@ -192,8 +192,8 @@ class StackOutputs:
     At n samples: position, velocity (n, k, 3), rotation (n, k, 3, 3) and standard deviations
     sd (n, k, 9) of each IMU; of the weighted mean of what they say of the body's origin
     position_covariance (n, 3, 3), velocity_sd and attitude_sd (n, 3). At u measurements residual,
-    deviation (u, 3), nis, degrees, accepted (u,); at the epochs of constraints tie_residual
-    (c, k - 1, 9) and tie_nis (c, k - 1, 3). At nodes, one for every measurement: time, sensor
+    deviation (u, 3), nis, degrees, accepted (u,); at the epochs of constraints tie_residual,
+    tie_deviation (c, k - 1, 9) and tie_nis (c, k - 1, 3). At nodes, one for every measurement: time, sensor
     states and relative poses with their standard deviations.
     """
 
@@ -210,6 +210,7 @@ class StackOutputs:
     degrees: Places
     accepted: Flags
     tie_residual: Cube
+    tie_deviation: Cube
     tie_nis: Cube
     node_time: Vector
     node_sensor: Matrix
@@ -236,6 +237,7 @@ class StackOutputs:
             degrees=np.zeros(u, dtype=np.int64),
             accepted=np.zeros(u, dtype=np.bool_),
             tie_residual=np.zeros((ties, k - 1, 9)),
+            tie_deviation=np.zeros((ties, k - 1, 9)),
             tie_nis=np.zeros((ties, k - 1, 3)),
             node_time=np.zeros(u + 2),
             node_sensor=np.zeros((u + 2, sensors)),

@@ -78,7 +78,7 @@ def _innovations(stack: StackedRun) -> Innovations:
         time=time[order],
         kind=tuple(kind[q] for q in order.tolist()),
         value=np.concatenate([out.residual[fixes], out.tie_residual.reshape(-1, 3)])[order],
-        sd=np.concatenate([out.deviation[fixes], np.full((tied, 3), np.nan)])[order],
+        sd=np.concatenate([out.deviation[fixes], out.tie_deviation.reshape(-1, 3)])[order],
         nis=np.concatenate([out.nis[fixes], out.tie_nis.ravel()])[order],
         degrees=np.concatenate([out.degrees[fixes], np.full(tied, 3)])[order],
         accepted=np.concatenate([out.accepted[fixes], np.ones(tied, bool)])[order],

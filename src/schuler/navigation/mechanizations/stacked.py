@@ -212,8 +212,10 @@ def stack_start(
     sensors = prepared.sensor_start()
     mounting, k = prepared.array.mounting, prepared.array.count
     c_nb, arms = body.rotation, mounting.position - prepared.fusion.centre
-    rotation = np.stack([c_nb @ c for c in mounting.rotation])
-    relative = np.stack([c.T @ mounting.rotation[0] for c in mounting.rotation])
+    quaternion = np.stack([quaternion_from_dcm(c_nb @ c) for c in mounting.rotation])
+    relative = np.stack(
+        [quaternion_from_dcm(c.T @ mounting.rotation[0]) for c in mounting.rotation]
+    )
     covariance = _start_covariance(prepared, c_nb, body.covariance[:9, :9], rigid, model)
     blocks = model.offset[:-1, None] + np.arange(9)
     places = np.setdiff1d(np.arange(model.offset[-1]), blocks)
@@ -221,10 +223,10 @@ def stack_start(
     return StackState(
         position=np.stack([geodetic_from_ned(c_nb @ a, body.position) for a in arms]),
         velocity=np.tile(body.velocity, (k, 1)),
-        quaternion=np.stack([quaternion_from_dcm(c) for c in rotation]),
-        rotation=rotation,
-        relative_quaternion=np.stack([quaternion_from_dcm(c) for c in relative]),
-        relative=relative,
+        quaternion=quaternion,
+        rotation=_rotations(quaternion),
+        relative_quaternion=relative,
+        relative=_rotations(relative),
         arm=np.stack([mounting.rotation[0].T @ (a - arms[0]) for a in arms]),
         sensor=sensors.state.copy(),
         covariance=0.5 * (covariance + covariance.T),
@@ -244,6 +246,16 @@ def stack_start(
         ties=np.zeros(1, dtype=np.int64),
         nodes=np.zeros(1, dtype=np.int64),
     )
+
+
+def _rotations(quaternions: FloatArray) -> FloatArray:
+    """Rotation matrices as the kernel makes them."""
+    from schuler.kernels.navigation.strapdown import rotation_from_quaternion
+
+    rotation = np.empty((len(quaternions), 3, 3))
+    for quaternion, matrix in zip(quaternions, rotation, strict=True):
+        rotation_from_quaternion(quaternion, matrix)
+    return rotation
 
 
 def _start_covariance(
