@@ -171,8 +171,8 @@ def test_linear_and_offset_states_have_the_derivatives_of_their_residuals() -> N
     assert not design[:, :9].any()
     # errors that add to what is measured, to the first and third component here
     residual[:], design[:, :] = 0.0, 0.0
-    add_offset_states(np.array([4, -1, 6]), estimate, residual, design)
-    measured = np.array([truth[4], 0.0, truth[6]])
+    add_offset_states(np.array([4, -1, 6]), np.array([1.0, 2.0, 0.5]), estimate, residual, design)
+    measured = np.array([truth[4], 0.0, 0.5 * truth[6]])
     np.testing.assert_allclose(residual - measured, design[:, 9:] @ (truth - estimate), atol=1e-12)
     assert not residual[1]
     assert not design[1].any()

@@ -22,9 +22,8 @@ from schuler.navigation.aiding.barometer import Barometer, height_of_pressure
 from schuler.navigation.aiding.gnss import CorrelatedGnss
 from schuler.navigation.aiding.heading import Heading
 from schuler.navigation.aiding.magnetometer import Magnetometer, earth_field
-from schuler.navigation.aiding.options import MeasurementOptions
+from schuler.navigation.aiding.options import GnssWeighting, MeasurementOptions
 from schuler.navigation.aiding.schedule import PlacedAiding
-from schuler.navigation.aiding.weighting import GnssWeighting
 from schuler.navigation.run import run
 from schuler.rotations import dcm_from_rotation_vector
 from schuler.simulation import Profile, antenna_motion, car_urban, simulate_gnss

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
 from schuler.estimation import series_methods, structure_methods
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
-from schuler.estimation.joint_fit import identify_signal
 from schuler.estimation.parts import checked_model
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.signals import checked_signal, outlier_flag

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError
-from schuler.evaluation.outages import (
+from schuler.evaluation.outage_windows import (
     OutageStatistics,
     OutageWindow,
     Window,
@@ -26,7 +26,7 @@ from schuler.evaluation.outages import (
 )
 from schuler.evaluation.paired import PERCENTAGES, PairedStatistics, paired_statistics
 from schuler.navigation.error_models.catalogue import ErrorModel
-from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigation.navigate import withhold
 from schuler.navigation.preparation.prepare import PreparedDrive, prepare_drive
 from schuler.navigation.run import run

@@ -176,7 +176,7 @@ def smooth_run_with_lag(
     block = model.layout().block
     parts: list[LaggedNodes] = []
     later: list[NodeStretch] = []
-    for stretch in run.stretches_back():
+    for stretch in run.stretches(back=True):
         later = [stretch, *(s for s in later if s.first <= horizon[stretch.stop - 1])]
         own = horizon[stretch.first : stretch.stop]
         held = stretch if len(later) == 1 else _joined(later, int(own[-1]) + 1)

@@ -12,7 +12,7 @@ from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.engine import SMOOTHER_MEMORY
-from schuler.navigation.error_models.generic_noise import (
+from schuler.navigation.error_models.sensor_error_model import (
     TURN_ON_ACCEL,
     TURN_ON_GYRO,
     generic_noise_model,

@@ -13,7 +13,7 @@ from schuler.errors import InputError
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.aiding.vehicle import check_constraints
 from schuler.navigation.engine import SMOOTHER_MEMORY
-from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.types import FloatArray
 
 FALSE_ALARM = 1e-6

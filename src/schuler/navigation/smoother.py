@@ -72,7 +72,7 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     for p in range(len(pieces) - 1, -1, -1):
         piece, begin = pieces[p], begins[p]
         smoothed = Smoothed(whole.error[begin:], whole.position[begin:], whole.variance[begin:])
-        for part in piece.stretches_back():
+        for part in piece.stretches(back=True):
             smooth_nodes(part.first, part.stop, part.nodes, part.aiding, block, adjoint, smoothed)
             own = np.arange(part.first, part.stop)
             fed_back[begin + own] = part.nodes.error[own % len(part.nodes.error), :9]

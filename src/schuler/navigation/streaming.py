@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,7 @@ from schuler.kernels.navigation.filter_data import (
     Schedule,
 )
 from schuler.kernels.navigation.filter_data import FilterState as KernelState
+from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
 from schuler.navigation.aiding.schedule import (
     GENERAL,
     POSITION,
@@ -99,6 +100,9 @@ class GnssReceiver:
         Multiply the receiver's standard deviations.
     offset_states : (3,) sequence of int
         Places of sensor states that add to what positions measure; -1: none.
+    white_share, slow_share : float
+        Of the claimed variances of position: what is noise, and what those states are seen with;
+        see `GnssErrorModel`.
     """
 
     lever_arm: ArrayLike = (0.0, 0.0, 0.0)
@@ -107,6 +111,8 @@ class GnssReceiver:
     position_factor: float = 1.0
     velocity_factor: float = 1.0
     offset_states: Sequence[int] = (-1, -1, -1)
+    white_share: float = 1.0
+    slow_share: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -169,6 +175,7 @@ class _Rows:
         """Rows that are never due."""
         table = np.zeros(rows, dtype=AIDING_ROW)
         table["time"], table["offset"], table["matrix"] = np.inf, -1, -1
+        table["offset_scale"] = 1.0
         return cls(table)
 
     @classmethod
@@ -339,7 +346,8 @@ class NavigationFilter:
             The setup has measurements that a stream does not make by itself.
         """
         more = setup.measurements
-        other = setup.sources or more.correlated is not None
+        slow = more.correlated
+        other = setup.sources or isinstance(slow, CorrelatedGnss)
         if other or (setup.vehicle is not None and "wheel" in setup.vehicle.constraints):
             raise InputError(
                 "a setup with speed from wheel vibration or measurements of other sources",
@@ -353,6 +361,13 @@ class NavigationFilter:
             setup.factors.position_sd,
             setup.factors.velocity_sd,
         )
+        if isinstance(slow, GnssErrorModel):
+            receiver = replace(
+                receiver,
+                offset_states=tuple(range(slow.place, slow.place + 3)),
+                white_share=slow.white,
+                slow_share=slow.slow,
+            )
         return cls(
             setup.initial_state(imu, gnss),
             setup.model,
@@ -506,6 +521,9 @@ class NavigationFilter:
         variance = row.variance[0]
         np.multiply(sd, factor, out=variance)
         np.multiply(variance, variance, out=variance)
+        if rank == POSITION and self._receiver.slow_share > 0.0:
+            row.table["offset_scale"][0] = np.sqrt(self._receiver.slow_share * variance)
+            np.multiply(variance, self._receiver.white_share, out=variance)
         row.bytes[0, 0] = time
         return self._insert(row.bytes[0], time, rank)
 

@@ -43,7 +43,8 @@ class RunOptions:
     adaptive : bool
         The noise of GNSS follows the innovations.
     gnss_correlated : str, optional
-        SIGMA:SECONDS of position errors that last, as multipath does: m, and correlation time.
+        SIGMA:SECONDS of position errors that last, as multipath does: m, and correlation time;
+        auto: a share of what the receiver claims lasts, as much as the drive tells; off: none.
     """
 
     lever_arm: str = "0,0,0"
@@ -59,7 +60,8 @@ class RunOptions:
     @property
     def weighs(self) -> bool:
         """Whether anything is said of how GNSS is weighted."""
-        return (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None)
+        plain = self.gnss_correlated in (None, "off")
+        return not plain or (self.update, self.adaptive) != ("gate", False)
 
     def keywords(self) -> dict[str, Any]:
         """Return them as `NavigationSettings` and `evaluate_outages` want them."""
@@ -89,13 +91,15 @@ class RunOptions:
         return known
 
     def _measurements(self) -> MeasurementOptions:
-        from schuler.navigation.aiding.gnss import CorrelatedGnss
-        from schuler.navigation.aiding.options import MeasurementOptions
-        from schuler.navigation.aiding.weighting import GnssWeighting
+        from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
+        from schuler.navigation.aiding.options import GnssWeighting, MeasurementOptions
 
-        correlated = None
-        if self.gnss_correlated is not None:
-            text = "--gnss-correlated SIGMA:SECONDS, both above zero, such as 1.5:60"
+        correlated: CorrelatedGnss | GnssErrorModel | None = None
+        if self.gnss_correlated == "auto":
+            correlated = GnssErrorModel()
+        elif self.gnss_correlated not in (None, "off"):
+            assert self.gnss_correlated is not None
+            text = "--gnss-correlated SIGMA:SECONDS, such as 1.5:60, or auto or off"
             sigma, seconds = parse_numbers(self.gnss_correlated, 2, text, ":")
             correlated = CorrelatedGnss(sigma, seconds)
         return MeasurementOptions(GnssWeighting(self.update, self.adaptive), correlated)

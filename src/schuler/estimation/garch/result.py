@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.to_dict import ToDict, named_rows, plain
 from schuler.estimation.garch.conditional_variance import garch_conditional_variance, simulate_garch
 from schuler.estimation.residuals.tests import ResidualTests
 from schuler.estimation.signals import checked_signal
@@ -51,7 +52,7 @@ class GarchCandidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GarchFit:
+class GarchFit(ToDict):
     """s(t) = alpha0 + sum alpha_i e²(t-i) + sum beta_j s(t-j), fitted.
 
     Parameters
@@ -92,6 +93,11 @@ class GarchFit:
     candidates : tuple of GarchCandidate
         The orders that `select_garch` compared.
     """
+
+    JSON = (
+        "mean persistence unconditional_variance half_life_samples=half_life log_likelihood "
+        "aic bic samples rate method converged flags before after"
+    )
 
     alpha0: float
     alpha: FloatArray
@@ -230,43 +236,20 @@ class GarchFit:
         return np.asarray(drawn + self.mean)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI; None for what is infinite."""
-
-        def number(value: float | None) -> float | None:
-            return value if value is not None and math.isfinite(value) else None
-
-        return {
-            "p": self.order[0],
-            "q": self.order[1],
-            "parameters": {
-                key: {
-                    "value": value,
-                    "standard_error": number(self.standard_errors.get(key)),
-                    "t_value": number(self.t_values.get(key)),
-                    "p_value": number(self.p_values.get(key)),
-                }
-                for key, value in self.values.items()
-            },
-            "mean": self.mean,
-            "persistence": self.persistence,
-            "unconditional_variance": number(self.unconditional_variance),
-            "half_life_samples": number(self.half_life),
-            "log_likelihood": number(self.log_likelihood),
-            "aic": number(self.aic),
-            "bic": number(self.bic),
-            "samples": self.samples,
-            "rate": self.rate,
-            "method": self.method,
-            "converged": self.converged,
-            "flags": list(self.flags),
-            "before": self.before.to_dict() if self.before else None,
-            "after": self.after.to_dict() if self.after else None,
-            "starts": [
-                {"alpha": s.alpha, "beta": s.beta, "log_likelihood": s.log_likelihood}
-                for s in self.starts
-            ],
-            "candidates": [
-                {"p": c.p, "q": c.q, "aic": number(c.aic), "bic": number(c.bic)}
-                for c in self.candidates
-            ],
+        """Return plain values for JSON, in SI."""
+        named = {
+            "value": self.values,
+            "standard_error": self.standard_errors,
+            "t_value": self.t_values,
+            "p_value": self.p_values,
+        }
+        p, q = self.order
+        starts = [(s.alpha, s.beta, s.log_likelihood) for s in self.starts]
+        candidates = [(c.p, c.q, c.aic, c.bic) for c in self.candidates]
+        return ToDict.to_dict(self) | {
+            "p": p,
+            "q": q,
+            "parameters": {k: {n: plain(v.get(k)) for n, v in named.items()} for k in self.values},
+            "starts": named_rows(("alpha", "beta", "log_likelihood"), starts),
+            "candidates": named_rows(("p", "q", "aic", "bic"), candidates),
         }

@@ -57,6 +57,7 @@ def read_measurement(f: Filter, u: int) -> int:
         z.noise_variance[i] = variance[i]
         z.lever[i] = lever[i]
         z.offset[i] = offset[i]
+        z.offset_scale[i] = row["offset_scale"][i]
     kind: int = row["kind"]
     return kind
 
@@ -144,4 +145,4 @@ def aiding_model(f: Filter, u: int, kind: int, k: int, step: float) -> None:
         heading_model(z.value, z.lever, state.rotation, z.residual, z.design)
     elif kind == 7:
         magnetic_model(z.value, z.lever, state.rotation, z.residual, z.design)
-    add_offset_states(z.offset, state.sensor, z.residual, z.design)
+    add_offset_states(z.offset, z.offset_scale, state.sensor, z.residual, z.design)

@@ -47,6 +47,7 @@ AIDING_ROW = np.dtype(
         ("variance", np.float64, (3,)),
         ("lever", np.float64, (3,)),
         ("offset", np.int64, (3,)),
+        ("offset_scale", np.float64, (3,)),
         ("matrix", np.int64),
     ],
     align=True,
@@ -272,6 +273,7 @@ class Measurement:
     variance: Vector3
     lever: Vector3
     offset: Places3
+    offset_scale: Vector3
     residual: Vector3
     design: Matrix
     noise_variance: Vector3
@@ -290,6 +292,7 @@ class Measurement:
             variance=variance,
             lever=lever,
             offset=np.full(3, -1, dtype=np.int64),
+            offset_scale=np.ones(3),
             residual=residual,
             design=np.zeros((3, size)),
             noise_variance=noise,

@@ -101,18 +101,22 @@ def measurement_model(
 
 @kernel()
 def add_offset_states(
-    offset: IntArray, sensor_state: FloatArray, residual: FloatArray, design: FloatArray
+    offset: IntArray,
+    scale: FloatArray,
+    sensor_state: FloatArray,
+    residual: FloatArray,
+    design: FloatArray,
 ) -> None:
     """Add states to what a measurement is predicted to be.
 
     `offset` (3,): for each component the place among the sensor states of an error that adds to
-    what is measured, or -1.
+    what is measured, or -1; `scale` (3,): by which it is multiplied.
     """
     for i in range(3):
         j = offset[i]
         if j >= 0:
-            residual[i] += sensor_state[j]
-            design[i, 9 + j] -= 1.0
+            residual[i] += scale[i] * sensor_state[j]
+            design[i, 9 + j] -= scale[i]
 
 
 @kernel(inline=True)

@@ -75,6 +75,63 @@ class CorrelatedGnss:
         return replace(schedule, variance=white, offset_state=offset)
 
 
+@dataclass(frozen=True, slots=True)
+class GnssErrorModel:
+    """Errors of GNSS positions, split into what is white and what lasts, as shares of the claim.
+
+    What a receiver claims is split: states of unit variance are seen with the slow share of it,
+    and follow it from epoch to epoch (fixed, float); the rest is white noise. The sum is the
+    receiver's word unless the drive speaks against it.
+
+    Parameters
+    ----------
+    white, slow : float
+        Shares of the claimed variance.
+    correlation_time : float
+        Of the slow part, s.
+    fit : bool
+        Whether the innovations of the drive decide on shares and time; they start at these.
+    place : int
+        Of the first of its three states (north, east, down); -1: not placed.
+    """
+
+    white: float = 0.36
+    slow: float = 0.64
+    correlation_time: float = 60.0
+    fit: bool = True
+    place: int = -1
+
+    def __post_init__(self) -> None:
+        if not (self.white > 0.0 and self.slow >= 0.0 and self.correlation_time > 0.0):
+            raise InputError(
+                f"shares of {self.white:g} and {self.slow:g} over {self.correlation_time:g} s",
+                expected="a positive white share and correlation time, a slow share of 0 or more",
+            )
+
+    def placed(self, model: SensorErrorModel) -> tuple[SensorErrorModel, GnssErrorModel]:
+        """Return the model with the three states, and this with their place."""
+        names = [f"GNSS error {d}, of its claim" for d in ("north", "east", "down")]
+        wider = model.with_states(names, 1.0, correlation_time=self.correlation_time)
+        return wider, replace(self, place=model.size)
+
+    def in_model(self, model: SensorErrorModel) -> SensorErrorModel:
+        """Return a model in which its states are with another correlation time of theirs."""
+        drift, diffusion = model.drift.copy(), model.diffusion.copy()
+        own = slice(self.place, self.place + 3)
+        drift[own, 0] = -1.0 / self.correlation_time
+        diffusion[own, 0] = 2.0 / self.correlation_time
+        return replace(model, drift=drift, diffusion=diffusion)
+
+    def applied(self, schedule: AidingSchedule) -> AidingSchedule:
+        """Return positions whose slow part is a state and whose noise is the white share."""
+        return replace(
+            schedule,
+            variance=self.white * schedule.variance,
+            offset_state=np.tile(self.place + np.arange(3), (schedule.size, 1)),
+            offset_scale=np.sqrt(self.slow * schedule.variance),
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GnssPosition:
     """Positions of a GNSS antenna.
@@ -89,7 +146,7 @@ class GnssPosition:
         Added to GNSS time to get the time on the IMU's axis, s.
     sd_factor : float
         Multiplies the receiver's own standard deviations.
-    slow : CorrelatedGnss or None
+    slow : CorrelatedGnss, GnssErrorModel or None
         Errors that last, whose states are placed.
     """
 
@@ -97,7 +154,7 @@ class GnssPosition:
     lever_arm: ArrayLike = (0.0, 0.0, 0.0)
     time_offset: float = 0.0
     sd_factor: float = 1.0
-    slow: CorrelatedGnss | None = None
+    slow: CorrelatedGnss | GnssErrorModel | None = None
 
     def rows(self) -> AidingSchedule:
         """Return one row an epoch."""

@@ -75,6 +75,8 @@ class AidingSchedule:
     offset_state : (u, 3) ndarray of int
         For each component the place among the sensor states of an error that adds to what is
         measured (a Gauss-Markov error of GNSS, a barometer's bias); -1, and left out: none.
+    offset_scale : (u, 3) ndarray
+        By which that state is multiplied; one where left out.
     matrix : (u,) ndarray of int
         Which of `matrices` belongs to a measurement of kind `LINEAR`; -1 elsewhere.
     matrices : (t, 3, 12 + m) ndarray
@@ -96,10 +98,13 @@ class AidingSchedule:
     matrix: NDArray[np.int64] = field(default_factory=_none)
     matrices: FloatArray = field(default_factory=_no_matrices)
     general: tuple[GeneralRow | None, ...] = ()
+    offset_scale: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     def __post_init__(self) -> None:
         if self.offset_state.size == 0:
             object.__setattr__(self, "offset_state", np.full((self.size, 3), -1, dtype=np.int64))
+        if self.offset_scale.size == 0:
+            object.__setattr__(self, "offset_scale", np.ones((self.size, 3)))
         if self.matrix.size == 0:
             object.__setattr__(self, "matrix", np.full(self.size, -1, dtype=np.int64))
 
@@ -114,7 +119,7 @@ class AidingSchedule:
         rows["time"], rows["kind"] = self.time, self.kind
         rows["value"], rows["variance"] = self.value, self.variance
         rows["lever"], rows["offset"] = self.lever_arm, self.offset_state
-        rows["matrix"] = self.matrix
+        rows["offset_scale"], rows["matrix"] = self.offset_scale, self.matrix
         return rows
 
     def select(self, keep: NDArray[np.bool_] | slice) -> AidingSchedule:
@@ -128,6 +133,7 @@ class AidingSchedule:
             lever_arm=self.lever_arm[keep],
             offset_state=self.offset_state[keep],
             matrix=self.matrix[keep],
+            offset_scale=self.offset_scale[keep],
         )
 
 
@@ -165,6 +171,7 @@ def merge_schedules(parts: Sequence[AidingSchedule], start: float, stop: float) 
         lever_arm=np.concatenate([p.lever_arm for p in parts])[order],
         offset_state=np.concatenate([p.offset_state for p in parts])[order],
         matrix=np.concatenate(matrix)[order],
+        offset_scale=np.concatenate([p.offset_scale for p in parts])[order],
         matrices=np.concatenate([wider_matrices(p.matrices, widest) for p in parts]),
         general=tuple(g for p in parts for g in p.general or (None,) * len(p.matrices)),
     )

@@ -15,8 +15,10 @@ from schuler.arrays.synthesis.fused_noise import combine_noise_models
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.array import ImuArray
 from schuler.navigation.aiding.parity import Parity
-from schuler.navigation.error_models.generic_noise import generic_noise_model
-from schuler.navigation.error_models.sensor_error_model import sensor_error_model
+from schuler.navigation.error_models.sensor_error_model import (
+    generic_noise_model,
+    sensor_error_model,
+)
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import (
     Fusion,

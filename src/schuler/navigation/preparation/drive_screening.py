@@ -2,7 +2,7 @@
 
 What single recordings tell comes from screening/screen; here IMU and GNSS are held against
 each other. What makes every result wrong stops the run with a clear message; the rest is said,
-and the filter copes with it (navigation/preparation/gaps.py, navigation/preparation/condition.py).
+and the filter copes with it (navigation/preparation/gaps.py).
 """
 
 from __future__ import annotations
@@ -15,14 +15,18 @@ from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, GnssRecording, ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigation.preparation.condition import DriveCondition
-from schuler.navigation.preparation.fixes import screen_fixes
-from schuler.navigation.preparation.gaps import DataGap, find_gaps, interpolation_variance
-from schuler.navigation.preparation.turns import (
+from schuler.navigation.preparation.fixes import (
     CONVINCING,
     LEAST_JUMP,
     TurnComparison,
     compare_turns,
+    screen_fixes,
+)
+from schuler.navigation.preparation.gaps import (
+    DataGap,
+    DriveCondition,
+    find_gaps,
+    interpolation_variance,
 )
 from schuler.screening.screen import Finding
 from schuler.screening.stuck import stuck_intervals

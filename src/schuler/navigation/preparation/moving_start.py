@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import NavigationError
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
-from schuler.navigation.error_models.generic_noise import (
+from schuler.navigation.error_models.sensor_error_model import (
     TURN_ON_ACCEL,
     TURN_ON_GYRO,
     generic_noise_model,
+    sensor_error_model,
 )
-from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.preparation.headings import (
     HeadingPosterior,

@@ -13,13 +13,13 @@ from schuler.errors import InputError, NavigationError
 from schuler.navigation.aiding.gnss import require_overlap
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.engine import InitialState
-from schuler.navigation.error_models.generic_noise import generic_noise_model
-from schuler.navigation.error_models.sensor_error_model import sensor_error_model
+from schuler.navigation.error_models.sensor_error_model import (
+    generic_noise_model,
+    sensor_error_model,
+)
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.alignment import Alignment, align
-from schuler.navigation.preparation.condition import DriveCondition
-from schuler.navigation.preparation.degraded_data import align_segments, split_at_gaps
 from schuler.navigation.preparation.diagnosis import (
     BAD,
     DOUBTFUL,
@@ -31,14 +31,10 @@ from schuler.navigation.preparation.diagnosis import (
     turns_too_fast,
 )
 from schuler.navigation.preparation.drive_screening import screen_drive
+from schuler.navigation.preparation.gaps import DriveCondition, align_segments, split_at_gaps
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.navigation.preparation.time_offsets import (
-    enough_for_offsets,
-    find_time_offset,
-    velocity_lag,
-)
 from schuler.navigation.run import run
 from schuler.navigation.settings import (
     NavigationSettings,
@@ -46,6 +42,8 @@ from schuler.navigation.settings import (
     TimeOffset,
     nobody_listens,
 )
+from schuler.navigation.tuning.gnss_errors import fit_split
+from schuler.navigation.tuning.likelihood import enough_for_offsets, find_time_offset, velocity_lag
 from schuler.navigation.tuning.tune import tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.screening.screen import Finding
@@ -129,12 +127,14 @@ def prepare_drive(
     say("aligning")
     prepared = start.first(base, imu)
     if not (settings.estimates_offset or tuned):
-        return replace(prepared, setup=_aided(prepared, gnss, say))
+        done = replace(prepared, setup=_aided(prepared, gnss, say))
+        return replace(done, setup=fit_split(done.imu, gnss, done.setup))
     if settings.estimates_offset:
         say("looking for the time offset")
         prepared = start.with_offset(prepared, tuned)
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
-    return _tuned(prepared, gnss, tuned, say)
+    done = _tuned(prepared, gnss, tuned, say)
+    return replace(done, setup=fit_split(done.imu, gnss, done.setup))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

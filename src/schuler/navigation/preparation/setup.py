@@ -22,7 +22,7 @@ from schuler.navigation.aiding.schedule import (
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, SensorErrorModel
 from schuler.navigation.preparation.alignment import Alignment
-from schuler.navigation.preparation.condition import SOUND, DriveCondition
+from schuler.navigation.preparation.gaps import SOUND, DriveCondition
 from schuler.navigation.settings import NavigationSettings
 from schuler.navigation.stepping import NO_VEHICLE, InitialState, VehicleStates
 from schuler.navigation.tuning.vibration import VibrationResponse, vibration_level
@@ -144,7 +144,10 @@ class RunSetup:
 
     def with_sensors(self, base: SensorErrorModel) -> RunSetup:
         """Return the same setup with other sensors: noise factors, then states of all aiding."""
-        model, placed = self.settings.measurements.placed(self.factors.applied(base))
+        told = self.settings.measurements
+        # as the drive has found them, where it was asked already
+        told = replace(told, correlated=self.measurements.correlated or told.correlated)
+        model, placed = told.placed(self.factors.applied(base))
         vehicle = self.vehicle
         if vehicle is not None and vehicle.first_state >= 0:
             vehicle = replace(vehicle, first_state=model.size)
