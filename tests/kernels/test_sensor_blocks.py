@@ -10,10 +10,20 @@ from scipy.signal import lfilter
 from schuler.data import CHANNELS
 from schuler.errors import ModelError
 from schuler.kernels.navigation.covariance import sensor_covariance
+from schuler.kernels.navigation.filter_data import (
+    AIDING_ROW,
+    AidingOutputs,
+    NodeOutputs,
+    SampleOutputs,
+    Samples,
+    Schedule,
+)
 from schuler.kernels.navigation.general_aiding import general_model
 from schuler.kernels.navigation.transition import move_sensor_states, raise_blocks, set_blocks
 from schuler.kernels.navigation.update import add_offset_states
+from schuler.navigation.engine import gate_thresholds
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
+from schuler.navigation.stepping import NO_SCALE, FilterStepper, InitialState
 from schuler.noise import ARMA, Autoregressive, GaussMarkov, WhiteNoise
 from schuler.noise.base import Process
 from schuler.noise.noise_model import NoiseModel
@@ -161,11 +171,23 @@ def test_what_is_a_sum_of_gauss_markov_noises_serves_at_any_interval() -> None:
 
 def test_linear_and_offset_states_have_the_derivatives_of_their_residuals() -> None:
     rng = np.random.default_rng(4)
-    matrix, truth, estimate = rng.standard_normal((3, 7)), *rng.standard_normal((2, 7))
-    residual, design = np.empty(3), np.empty((3, 16))
-    rows, place = np.hstack([np.zeros((3, 12)), matrix]), np.array([0.8, 0.1, 100.0])
-    still, turned = np.zeros(3), np.eye(3)
-    general_model(matrix @ truth, place, rows, place, still, turned, estimate, residual, design)
+    model = model_of(AR3)
+    m = model.size
+    matrix, truth, estimate = rng.standard_normal((3, m)), *rng.standard_normal((2, m))
+    place = np.array([0.8, 0.1, 100.0])
+    start = InitialState(place, np.zeros(3), np.eye(3), estimate, np.eye(9 + m))
+    stepper = FilterStepper(start, model, gate=gate_thresholds(0.0))
+    filter_ = stepper.filter(
+        Samples(np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)), NO_SCALE),
+        Schedule(np.zeros(1, dtype=AIDING_ROW), np.hstack([np.zeros((3, 12)), matrix])[None]),
+        SampleOutputs.empty(0),
+        AidingOutputs.empty(1, 0, stepper.size),
+        NodeOutputs.empty(1, 0, stepper.size, stepper.width),
+    )
+    z = filter_.measurement
+    z.value[:], z.lever[:] = matrix @ truth, place
+    general_model(filter_, 0)
+    residual, design = z.residual, z.design
     # predicted minus measured; sensor states are true minus estimated
     np.testing.assert_allclose(residual, design[:, 9:] @ (truth - estimate), atol=1e-12)
     assert not design[:, :9].any()
