@@ -159,12 +159,17 @@ class _Samples:
 class _Rows:
     """Rows of `AIDING_ROW`, and the same bytes as real numbers, which are quicker to copy."""
 
-    __slots__ = ("bytes", "table", "value", "variance")
+    __slots__ = ("bytes", "first", "table", "value", "variance")
 
     def __init__(self, table: NDArray[np.void]) -> None:
         self.table = table
         self.bytes = table.view(np.float64).reshape(table.size, -1)
-        self.value, self.variance = table["value"], table["variance"]
+        # of the first row, where a fix is put together
+        self.first, self.value, self.variance = (
+            self.bytes[0],
+            table["value"][0],
+            table["variance"][0],
+        )
 
     def __reduce__(self) -> tuple[type[_Rows], tuple[NDArray[np.void]]]:
         return _Rows, (self.table,)
@@ -517,15 +522,15 @@ class NavigationFilter:
     def _fix(self, rank: int, time: float, value: ArrayLike, sd: ArrayLike, factor: float) -> bool:
         """Put what an antenna measured in its place: rank 0 a position, 1 a velocity."""
         row = self._antenna[rank]
-        row.value[0] = value
-        variance = row.variance[0]
+        row.value[:] = value
+        variance = row.variance
         np.multiply(sd, factor, out=variance)
         np.multiply(variance, variance, out=variance)
         if rank == POSITION and self._receiver.slow_share > 0.0:
             row.table["offset_scale"][0] = np.sqrt(self._receiver.slow_share * variance)
             np.multiply(variance, self._receiver.white_share, out=variance)
-        row.bytes[0, 0] = time
-        return self._insert(row.bytes[0], time, rank)
+        row.first[0] = time
+        return self._insert(row.first, time, rank)
 
     def add(self, measurements: AidingSchedule) -> bool:
         """Take any measurements: constraints of a vehicle, other sensors, models of one's own.
@@ -690,18 +695,18 @@ class NavigationFilter:
 
     def _run(self) -> None:
         """Take all samples that have come, with a snapshot now and then."""
-        first, count = self._samples.first, self._samples.count
-        while self._begun < count:
-            begun = self._begun
+        first, count, begun = self._samples.first, self._samples.count, self._begun
+        advance, filter_, known = self._stepper.advance, self._filter, self._known
+        while begun < count:
             stop = min(count, begun - begun % SNAPSHOT_EVERY + SNAPSHOT_EVERY)
-            bad = self._stepper.advance(self._filter, begun - first, stop - first, self._known)
+            bad = advance(filter_, begun - first, stop - first, known)
             if bad >= 0:
                 raise NavigationError(
                     f"the navigation state stopped being finite at {self._samples.time[bad]:.3f} s",
                     expected="a bounded trajectory",
                     cure="check units and axes of the IMU and the noise model",
                 )
-            self._begun = stop
+            self._begun = begun = stop
             if stop % SNAPSHOT_EVERY == 0:
                 self._snapshot()
 
