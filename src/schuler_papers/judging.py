@@ -252,7 +252,7 @@ def _band(
     elif (computed := found.bands.get(key)) is not None:
         if isinstance(computed, Band):
             return computed
-        low, high = (float(v) for v in computed[(slice(None), *index[: computed.ndim - 1])])
+        low, high = (float(end[index[: end.ndim]]) for end in computed)
         if math.isnan(low):
             return None
     else:
@@ -266,7 +266,7 @@ def _sheet(
     """A table of the paper, cell by cell."""
     spec = {"of": "{line}, {column}", **spec, **spec.get(size, {})}
     lines, columns = [str(x) for x in spec["lines"]], [str(x) for x in spec["columns"]]
-    printed = spec.get("printed", found.printed.get(spec["is"]))
+    printed: list[list[Any]] = spec.get("printed") or found.printed[spec["is"]]
     if forecast is not None:
         found = _pooled(spec["is"], found, absolute="points" in spec)
     cells: list[tuple[Row | None, ...]] = []

@@ -28,7 +28,7 @@ from schuler_papers.experiment import (
     numbers,
     stacked,
 )
-from schuler_papers.judging import Found, plain
+from schuler_papers.judging import Found, Value, plain
 from schuler_papers.outcome import Curve, Panel, Proof, Role
 from schuler_papers.quinchia2013.sensor import PAPER
 
@@ -90,7 +90,7 @@ def figure_4(results: Results, size: Size) -> Found:
         ),
         "Decays to 1/e at the correlation time of 20 s.",
     )
-    values = {"ratio": stacked(results, "time") / TIME, "growth": growth}
+    values: dict[str, Value] = {"ratio": stacked(results, "time") / TIME, "growth": growth}
     band = {"ratio": np.array([1.0 - law, 1.0 + law])}
     return Found(values, band, {"growth": proof}, panels=(panel,))
 

@@ -194,8 +194,11 @@ def figure_17(results: Results, size: Size) -> Found:
     for level, role in zip(LEVELS_OF_FIGURE_17, roles, strict=True):
         quiet = stacked(results, f"17:{level}")
         step = 2.0**level / RATE
-        for name, low, high in (("long", 5.0, 40.0), ("short", 0.2, 0.5)):
-            inside = (tau >= low * step) & (tau <= high * step)
+        ends = {
+            "long": (tau >= 5.0 * step) & (tau <= 40.0 * step),
+            "short": (tau > 0.2 * step) & (tau < 0.5 * step),
+        }
+        for name, inside in ends.items():
             found[name].append((quiet / raw)[:, inside].mean(axis=1))
         curves.append(Curve(f"{level} levels", tau, quiet.mean(axis=0), role))
     panel = Panel(

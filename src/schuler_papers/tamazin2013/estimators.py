@@ -170,7 +170,7 @@ def run_sparse(seed: int, size: Size) -> Numbers:
 
 def cancellation(results: Results, size: Size) -> Found:
     """Errors the size of an epsilon."""
-    values = {
+    values: dict[str, Value] = {
         "step": float(np.spacing(9.8**2)),
         "epsilons": 2e-16 / float(np.finfo(np.float64).eps),
         "recursion": stacked(results, "recursion"),

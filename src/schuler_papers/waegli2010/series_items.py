@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from schuler_papers.experiment import FloatArray, Results, Size, stacked
-from schuler_papers.judging import Found, plain
-from schuler_papers.outcome import Curve, Estimate, Panel, Proof
+from schuler_papers.judging import Found, Value, plain
+from schuler_papers.outcome import Curve, Estimate, Panel, Proof, Role
 from schuler_papers.waegli2010.arithmetic import run as printed_numbers
 from schuler_papers.waegli2010.series import PRINTED_ERRORS, RATE, SAMPLES, TABLE_2, TRUTH
 
@@ -34,12 +34,13 @@ def table_1(results: Results, size: Size) -> Found:
 def _coefficients(values: FloatArray, errors: FloatArray) -> Panel:
     places, mean = np.arange(4.0), values.mean(axis=0)
     claimed, printed = 1.96 * errors.mean(axis=0), 2.0 * PRINTED_ERRORS
+    drawn: tuple[tuple[str, float, FloatArray, Role, FloatArray], ...] = (
+        ("printed", -0.08, TRUTH, "printed", printed),
+        ("ours, ten minutes", 0.08, mean, "ours", claimed),
+    )
     curves = tuple(
         Curve(name, places + shift, middle, role, "points", middle - slack, middle + slack)
-        for name, shift, middle, role, slack in (
-            ("printed", -0.08, TRUTH, "printed", printed),
-            ("ours, ten minutes", 0.08, mean, "ours", claimed),
-        )
+        for name, shift, middle, role, slack in drawn
     )
     return Panel(
         "Coefficients: printed ± 2 standard deviations, and ours",
@@ -61,7 +62,10 @@ def asymptotics(results: Results, size: Size) -> Found:
         entries, 6.0, 6.0,
     )  # fmt: skip
     scatter = math.sqrt(0.05 * 0.95 / inside.shape[0])
-    values = {"coverage": Estimate(float(inside.mean()), scatter), "entries": entries}
+    values: dict[str, Value] = {
+        "coverage": Estimate(float(inside.mean()), scatter),
+        "entries": entries,
+    }
     return Found(values, proofs={"count": count})
 
 
