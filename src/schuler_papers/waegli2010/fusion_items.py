@@ -111,8 +111,9 @@ def figure_13(results: Results, size: Size) -> Found:
 def weights(results: Results, size: Size) -> Found:
     """Weights from residuals, and from unmixed variances."""
     oracle = stacked(results, "oracle")
-    values = plain(results, size).values | {
-        name: stacked(results, name) / oracle for name in ("naive", "hat", "equal")
+    values = {
+        **plain(results, size).values,
+        **{name: stacked(results, name) / oracle for name in ("naive", "hat", "equal")},
     }
     mixing = Proof(
         "(1 - 2/n) I + 11ᵀ/n² turns variances 100, 1, 1, 1 into a ratio of 56.4/6.9",
