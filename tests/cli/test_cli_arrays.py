@@ -228,7 +228,6 @@ def test_a_calibration_that_does_not_fit_is_one_line(
     ("more", "words"),
     [
         (("--imu", "x.csv"), "--imu and --array together"),
-        (("--lag", "2"), "--lag with --array"),
         (("--mount", "0,0,0"), "3 mountings for 2 IMUs"),
         (("--mechanization", "federated"), "mechanization 'federated'"),
         (("--mechanization", "all", "--smooth"), "--smooth with --mechanization all"),

@@ -50,7 +50,8 @@ def test_a_folder_that_navigate_reads_by_name_with_the_truth_beside_it(
         assert np.sqrt(np.mean(off**2)) < 0.6
     summary = json.loads((tmp_path / "n.json").read_text())
     assert summary["settings"]["nis_over_degrees"] < 1.4
-    assert summary["findings"] == []
+    # errors of differential GNSS last, and that is told
+    assert {f["kind"] for f in summary["findings"]} <= {"lasting errors"}
     # upside down and turned by 90 deg: z reads +g at rest, and the mounting is found again
     imu = read_imu(out)
     assert imu.accel[:1000, 2].mean() == pytest.approx(9.8, abs=0.2)

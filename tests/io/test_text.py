@@ -132,11 +132,12 @@ def test_unit_of_time_follows_from_the_rate_or_is_asked_for(tmp_path: Path) -> N
     assert "time taken as ms: no unit is named" in imu.assumptions
     values[:, 0] *= 10.0  # steps of 100: 10 Hz in ms, 10 kHz in us
     path = write(tmp_path / "b.csv", values, ",".join(NAMES))
+    units = {"gyro_unit": "rad/s", "accel_unit": "m/s^2"}
     with pytest.raises(
         SchulerError, match=r"100 s apart; as ms 10 Hz, as us 1e\+04 Hz.*time_unit='ms'"
     ):
-        read_imu(path)
-    assert read_imu(path, time_unit="ms").rate == pytest.approx(10.0)
+        read_imu(path, **units)
+    assert read_imu(path, time_unit="ms", **units).rate == pytest.approx(10.0)
 
 
 def test_dates_and_gps_weeks(tmp_path: Path) -> None:

@@ -158,7 +158,14 @@ def by_spectrum(
     if isinstance(model, str):
         # a spectrum alone cannot tell a slow Gauss-Markov noise from a walk
         chosen = identify_signal(values, rate, model).process.parts
-        model = ProcessSum(tuple(p for p in chosen if p.random))
+        random = tuple(p for p in chosen if p.random)
+        if not random:
+            raise EstimationError(
+                "nothing random is left for a spectrum beside "
+                + " + ".join(p.kind for p in chosen),
+                cure="use method 'allan', which fits drifts",
+            )
+        model = ProcessSum(random)
     fit = identify_spectrum(values, rate, model, band=None if block == 1 else (0.0, highest))
     return _answer(
         "psd",
