@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from schuler.data import CHANNELS
+from schuler.earth import metres_per_radian
 from schuler.errors import ModelError
 from schuler.kernels.navigation.covariance import sensor_covariance
-from schuler.kernels.navigation.filter_data import (
-    AidingOutputs,
-    NodeOutputs,
-    SampleOutputs,
-    Samples,
-)
 from schuler.kernels.navigation.general_aiding import general_model
 from schuler.kernels.navigation.transition import move_sensor_states, raise_blocks, set_blocks
 from schuler.kernels.navigation.update import add_offset_states
-from schuler.navigation.aiding.schedule import linear_measurements
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
-from schuler.navigation.stepping import NO_SCALE, FilterStepper, InitialState, kernel_schedule
 from schuler.noise import ARMA, Autoregressive, GaussMarkov, WhiteNoise
 from schuler.noise.base import Process
 from schuler.noise.noise_model import NoiseModel
+from schuler.rotations import dcm_from_rotation_vector, skew
 
 Array = NDArray[np.float64]
 INTERVAL = 0.01
@@ -169,25 +165,17 @@ def test_what_is_a_sum_of_gauss_markov_noises_serves_at_any_interval() -> None:
 
 def test_linear_and_offset_states_have_the_derivatives_of_their_residuals() -> None:
     rng = np.random.default_rng(4)
-    model = model_of(GaussMarkov(1e-3, 20.0) + WhiteNoise(1e-3))
-    m = model.size
-    matrix, truth, estimate = rng.standard_normal((3, m)), *rng.standard_normal((2, m))
-    place = np.array([0.8, 0.1, 100.0])
-    start = InitialState(place, np.zeros(3), np.eye(3), estimate, np.eye(9 + m))
-    linear = linear_measurements([0.0], (matrix @ truth)[None], matrix, np.eye(3))
-    stepper = FilterStepper(start, model, gate=np.full(4, np.inf))
-    filter_ = stepper.filter(
-        Samples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), NO_SCALE),
-        kernel_schedule(linear, m),
-        SampleOutputs.empty(0),
-        AidingOutputs.empty(1, 0, 9 + m),
-        NodeOutputs.empty(4, 0, 9 + m, stepper.width),
+    matrix, truth, estimate = rng.standard_normal((3, 7)), *rng.standard_normal((2, 7))
+    residual, design = np.empty(3), np.empty((3, 16))
+    rows, place = np.hstack([np.zeros((3, 12)), matrix]), np.array([0.8, 0.1, 100.0])
+    z = SimpleNamespace(value=matrix @ truth, lever=place, residual=residual, design=design)
+    state = SimpleNamespace(
+        position=place, velocity=np.zeros(3), rotation=np.eye(3), sensor=estimate
     )
-    z = filter_.measurement
-    z.value[:], z.lever[:] = linear.value[0], place
-    general_model(filter_, 0)
+    schedule = SimpleNamespace(matrices=rows[None])
+    python = getattr(general_model, "py_func", general_model)
+    python(SimpleNamespace(state=state, schedule=schedule, measurement=z), 0)
     # predicted minus measured; sensor states are true minus estimated
-    residual, design = z.residual.copy(), z.design.copy()
     np.testing.assert_allclose(residual, design[:, 9:] @ (truth - estimate), atol=1e-12)
     assert not design[:, :9].any()
     # errors that add to what is measured, to the first and third component here
@@ -197,3 +185,44 @@ def test_linear_and_offset_states_have_the_derivatives_of_their_residuals() -> N
     np.testing.assert_allclose(residual - measured, design[:, 9:] @ (truth - estimate), atol=1e-12)
     assert not residual[1]
     assert not design[1].any()
+
+
+def test_a_general_measurement_follows_the_state_it_was_not_asked_at() -> None:
+    rng = np.random.default_rng(6)
+    place, turned = (
+        np.array([0.8, 0.1, 100.0]),
+        dcm_from_rotation_vector(np.array([0.3, -0.2, 1.0])),
+    )
+    sensor, velocity = rng.standard_normal(4), rng.standard_normal(3)
+    derivatives = rng.standard_normal((3, 13))
+    rows = np.hstack([turned, derivatives])
+    python = getattr(general_model, "py_func", general_model)
+
+    def residual(error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """At a state that is off by an error: computed minus true, sensors true minus estimated."""
+        north, east = metres_per_radian(place)
+        scale = np.array([1.0 / float(north), 1.0 / float(east), -1.0])
+        psi = error[6:9]
+        state = SimpleNamespace(
+            position=place + error[:3] * scale,
+            velocity=velocity + error[3:6],
+            rotation=(np.eye(3) - skew(psi)) @ turned,
+            sensor=sensor - error[9:],
+        )
+        z = SimpleNamespace(
+            value=derivatives[:, 3:6] @ velocity + derivatives[:, 9:] @ sensor - 0.5,
+            lever=place,
+            residual=np.empty(3),
+            design=np.empty((3, 13)),
+        )
+        schedule = SimpleNamespace(matrices=rows[None])
+        python(SimpleNamespace(state=state, schedule=schedule, measurement=z), 0)
+        return z.residual, z.design
+
+    here, design = residual(np.zeros(13))
+    np.testing.assert_allclose(here, 0.5, atol=1e-12)
+    for k in range(13):
+        error = np.zeros(13)
+        error[k] = 1e-3
+        there, _ = residual(error)
+        np.testing.assert_allclose((there - here) / 1e-3, design[:, k], atol=2e-4)

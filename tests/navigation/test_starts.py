@@ -18,6 +18,7 @@ from schuler.navigation.navigate import navigate
 from schuler.navigation.preparation.alignment import align
 from schuler.navigation.preparation.headings import _moments
 from schuler.navigation.preparation.moving_start import velocity_doubt
+from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.noise import GaussMarkov, RandomWalk, WhiteNoise
 from schuler.noise.noise_model import NoiseModel
 from schuler.rotations import dcm_from_euler, rotation_vector_from_dcm
@@ -202,3 +203,25 @@ def test_phone_highway_starts_without_a_mounting(data_folder: Path) -> None:
     assert np.abs(off[0]) < 3.0 * np.radians(solution.settings["initial_heading_sd_deg"])
     late = path.time > path.time[0] + 20.0
     assert np.degrees(np.abs(off[late])).max() < 4.0
+
+
+def test_rest_is_judged_by_the_imu_where_velocities_of_gnss_are_noise() -> None:
+    # thirty seconds on the ground, a receiver that still settles, then a flight that shakes
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 120.0, 0.02)
+    flying = time > 30.0
+    shaken = np.where(flying, 1.0, 0.02)[:, None] * rng.standard_normal((time.size, 3))
+    level = np.array([0.0, 0.0, -9.8])
+    imu = ImuRecording(time, 0.1 * shaken, level + shaken)
+    epochs = np.arange(0.0, 120.0, 0.5)
+    speed = np.where(epochs < 8.0, 2.0, np.where(epochs > 31.0, 5.0, 0.02))
+    velocity = np.column_stack([speed, np.zeros((epochs.size, 2))])
+    position = np.tile([0.8, 0.1, 100.0], (epochs.size, 1))
+    sd = np.full((epochs.size, 3), 0.05)
+    gnss = GnssRecording(epochs, position, velocity=velocity, velocity_sd=sd)
+    rest = find_initial_rest(imu, gnss)
+    assert rest is not None
+    assert rest[1] == pytest.approx(29.98, abs=1.01)
+    # one that shakes as it always does is on its way if GNSS says so
+    moving = ImuRecording(time, 2e-3 * shaken[::-1], level + 0.05 * shaken[::-1])
+    assert find_initial_rest(moving, gnss) is None

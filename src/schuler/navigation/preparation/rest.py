@@ -13,6 +13,11 @@ REST_ACCEL = 0.15
 REST_GYRO = np.radians(0.7)
 REST_SPEED = 0.3
 SHORTEST_REST = 2.0
+# vehicles on their way shake an IMU: one that feels less than this in a second (standard
+# deviations), and less than this share of what it usually feels, stands whatever GNSS says
+STILL_ACCEL = 0.1
+STILL_GYRO = 0.02
+STILL_SHARE = 0.25
 
 
 def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, float] | None:
@@ -29,6 +34,8 @@ def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, fl
     quiet &= np.abs(accel - np.median(accel[: min(count, 10)], axis=0)).max(axis=1) < REST_ACCEL
     if gnss.velocity is not None:
         moving = gnss.time[moves(gnss)]
+        second = np.searchsorted(ends, moving)
+        moving = moving[~np.append(_still(imu, count, block), False)[np.minimum(second, count)]]
         if moving.size:
             # half a second for the filters and delays of receivers
             quiet &= ends < moving[0] - 0.5
@@ -36,6 +43,15 @@ def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, fl
     if stop < SHORTEST_REST:
         return None
     return float(imu.time[0]), float(ends[stop - 1])
+
+
+def _still(imu: ImuRecording, count: int, block: int) -> NDArray[np.bool_]:
+    """Seconds in which an IMU hardly shakes: velocities of GNSS are noise then."""
+    still = np.ones(count, dtype=bool)
+    for values, most in ((imu.accel, STILL_ACCEL), (imu.gyro, STILL_GYRO)):
+        shaken = values[: count * block].reshape(count, block, 3).std(axis=1).max(axis=1)
+        still &= shaken < min(most, STILL_SHARE * float(np.median(shaken)))
+    return still
 
 
 def moves(gnss: GnssRecording) -> NDArray[np.bool_]:
