@@ -46,7 +46,8 @@ class SharedErrors:
         share = np.clip((time - self.time[node]) / span, 0.0, 1.0)[:, None]
         share[ahead == node] = 0.0
         shared: FloatArray = self.after[node, i, j] * (1.0 - share)
-        return shared + self.before[ahead, i, j] * share
+        shared += self.before[ahead, i, j] * share
+        return shared
 
 
 def claims(position: FloatArray, velocity: FloatArray, attitude: FloatArray) -> FloatArray:

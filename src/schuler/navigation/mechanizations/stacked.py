@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -179,9 +180,12 @@ def _all_sensors(models: Sequence[SensorErrorModel]) -> SensorModel:
     layouts = [m.layout() for m in models]
     widest = max(layout.drift.shape[1] for layout in layouts)
     each = ("channel", "direction", "scaled_by", "block", "interval")
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(x, name) for x in layouts]) for name in each
+    }
     return replace(
         layouts[0],
-        **{name: np.concatenate([getattr(x, name) for x in layouts]) for name in each},
+        **joined,
         drift=np.concatenate([_wide(x.drift, widest) for x in layouts]),
         diffusion=np.concatenate([_wide(x.diffusion, widest) for x in layouts]),
     )
@@ -217,8 +221,6 @@ def stack_start(
     blocks = model.offset[:-1, None] + np.arange(9)
     places = np.setdiff1d(np.arange(model.offset[-1]), blocks)
     covariance[np.ix_(places, places)] += sensors.covariance
-    moving = {name: np.zeros((k, 3)) for name in ("angle", "velocity_increment", "coning")}
-    counters = {name: np.zeros(1, dtype=np.int64) for name in ("aided", "ties", "nodes")}
     return StackState(
         position=np.stack([geodetic_from_ned(c_nb @ a, body.position) for a in arms]),
         velocity=np.tile(body.velocity, (k, 1)),
@@ -230,6 +232,9 @@ def stack_start(
         sensor=sensors.state.copy(),
         covariance=0.5 * (covariance + covariance.T),
         earth=np.zeros((k, 10)),
+        angle=np.zeros((k, 3)),
+        velocity_increment=np.zeros((k, 3)),
+        coning=np.zeros((k, 3)),
         sculling=np.zeros((k, 3)),
         past=np.zeros((k, 3, 6)),
         transition=np.zeros(model.sensors.drift.shape),
@@ -238,8 +243,9 @@ def stack_start(
         step=np.zeros(1),
         log_likelihood=np.zeros(1),
         refused=np.zeros(2, dtype=np.int64),
-        **moving,
-        **counters,
+        aided=np.zeros(1, dtype=np.int64),
+        ties=np.zeros(1, dtype=np.int64),
+        nodes=np.zeros(1, dtype=np.int64),
     )
 
 
