@@ -236,7 +236,7 @@ def test_a_calibration_that_does_not_fit_is_one_line(
         (("--mechanization", "constrained", "--adaptive"), "--adaptive) with the constrained"),
         (
             ("--mechanization", "constrained", "--smooth"),
-            "--lag) with the constrained mechanization",
+            "--lag) with the constrained",
         ),
     ],
 )

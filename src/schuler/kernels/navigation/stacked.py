@@ -229,8 +229,9 @@ def move_stack(f: Stack, dt: float, share: float) -> None:
         multiply_rows(f, i, dt)
     for a in range(size):
         for b in range(a):
-            value = covariance[a, b]
-            covariance[b, a] = value
+            # what was left stands transposed
+            value = covariance[b, a]
+            covariance[a, b] = value
     for i in range(blocks):
         a, b = model.first[i], model.first[i + 1]
         add_noise(f, i, dt)

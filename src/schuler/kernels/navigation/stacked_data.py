@@ -193,8 +193,8 @@ class StackOutputs:
     sd (n, k, 9) of each IMU; of the weighted mean of what they say of the body's origin
     position_covariance (n, 3, 3), velocity_sd and attitude_sd (n, 3). At u measurements residual,
     deviation (u, 3), nis, degrees, accepted (u,); at the epochs of constraints tie_residual,
-    tie_deviation (c, k - 1, 9) and tie_nis (c, k - 1, 3). At nodes, one a measurement: time,
-    sensor states and relative poses with their standard deviations.
+    tie_deviation (c, k - 1, 9) and tie_nis (c, k - 1, 3). At nodes, one for every measurement:
+    time, sensor states and relative poses with their standard deviations.
     """
 
     position: Many3

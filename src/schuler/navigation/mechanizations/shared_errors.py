@@ -45,8 +45,8 @@ class SharedErrors:
         span = np.where(ahead > node, self.time[ahead] - self.time[node], 1.0)
         share = np.clip((time - self.time[node]) / span, 0.0, 1.0)[:, None]
         share[ahead == node] = 0.0
-        after, before = self.after[node, i, j], self.before[ahead, i, j]
-        shared: FloatArray = after * (1.0 - share) + before * share
+        shared: FloatArray = self.after[node, i, j] * (1.0 - share)
+        shared += self.before[ahead, i, j] * share
         return shared
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -178,13 +179,13 @@ def _all_sensors(models: Sequence[SensorErrorModel]) -> SensorModel:
     """The sensor states of all IMUs one after the other, in blocks that count within an IMU."""
     layouts = [m.layout() for m in models]
     widest = max(layout.drift.shape[1] for layout in layouts)
+    each = ("channel", "direction", "scaled_by", "block", "interval")
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(x, name) for x in layouts]) for name in each
+    }
     return replace(
         layouts[0],
-        channel=np.concatenate([x.channel for x in layouts]),
-        direction=np.concatenate([x.direction for x in layouts]),
-        scaled_by=np.concatenate([x.scaled_by for x in layouts]),
-        block=np.concatenate([x.block for x in layouts]),
-        interval=np.concatenate([x.interval for x in layouts]),
+        **joined,
         drift=np.concatenate([_wide(x.drift, widest) for x in layouts]),
         diffusion=np.concatenate([_wide(x.diffusion, widest) for x in layouts]),
     )
@@ -231,6 +232,9 @@ def stack_start(
         sensor=sensors.state.copy(),
         covariance=0.5 * (covariance + covariance.T),
         earth=np.zeros((k, 10)),
+        angle=np.zeros((k, 3)),
+        velocity_increment=np.zeros((k, 3)),
+        coning=np.zeros((k, 3)),
         sculling=np.zeros((k, 3)),
         past=np.zeros((k, 3, 6)),
         transition=np.zeros(model.sensors.drift.shape),
@@ -239,9 +243,6 @@ def stack_start(
         step=np.zeros(1),
         log_likelihood=np.zeros(1),
         refused=np.zeros(2, dtype=np.int64),
-        angle=np.zeros((k, 3)),
-        velocity_increment=np.zeros((k, 3)),
-        coning=np.zeros((k, 3)),
         aided=np.zeros(1, dtype=np.int64),
         ties=np.zeros(1, dtype=np.int64),
         nodes=np.zeros(1, dtype=np.int64),
