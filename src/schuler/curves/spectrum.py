@@ -16,6 +16,7 @@ from schuler.types import FloatArray, IntArray
 _FIRST_BIN = 2
 _NEIGHBOURS = 2
 _SHORTEST_SEGMENT = 16
+_MOST_TREND = 1_000_000
 _STRAIGHT = 0.95
 
 
@@ -171,7 +172,7 @@ def power_spectral_density(
         samples=values.size,
         segment=length,
         segments=segments,
-        flags=("constant",) if constant else _trend(unit),
+        flags=("constant",) if constant else _trend(values, shift, scale),
     )
 
 
@@ -223,7 +224,9 @@ def _octave_groups(bins: int, per_octave: int) -> tuple[IntArray, IntArray]:
     return first, count
 
 
-def _trend(unit: FloatArray) -> tuple[str, ...]:
+def _trend(values: FloatArray, shift: float, scale: float) -> tuple[str, ...]:
+    """Whether a straight line explains most of a signal; a million samples spread over it tell."""
+    unit = (values[:: max(1, values.size // _MOST_TREND)] - shift) / scale
     time = np.linspace(-1.0, 1.0, unit.size)
     power = float(unit @ unit)
     explained = float(time @ unit) ** 2 / (float(time @ time) * power)
