@@ -16,6 +16,7 @@ from schuler.types import FloatArray, IntArray
 _FIRST_BIN = 2
 _NEIGHBOURS = 2
 _SHORTEST_SEGMENT = 16
+_MOST_TREND = 1_000_000
 _STRAIGHT = 0.95
 
 
@@ -123,26 +124,14 @@ def power_spectral_density(
     freedom from the overlap of segments and of neighbouring bins (the window correlates them:
     2 x bins x segments x 0.95 would count nearly everything twice).
     """
-    from scipy.signal import welch
-
     values = finite_samples(signal, shortest=2 * _SHORTEST_SEGMENT)
     rate = checked_rate(rate)
     length = _segment(segment, values.size)
     shift = float(values.mean())
     scale = float(np.abs(values - shift).max())
     constant = bool(values.min() == values.max())
-    unit = np.zeros_like(values) if constant else (values - shift) / scale
-    raw, density = welch(
-        unit,
-        fs=rate,
-        window="hann",
-        nperseg=length,
-        noverlap=length // 2,
-        detrend="constant",
-        return_onesided=True,
-        scaling="density",
-    )
-    density = np.asarray(density, dtype=np.float64)
+    density = _welch(values, shift, 0.0 if constant else 1.0 / scale, length, rate)
+    raw = np.arange(density.size) * (rate / length)
     segments = 1 + (values.size - length) // (length - length // 2)
     if bins_per_octave is None:
         first, count = np.arange(raw.size), np.ones(raw.size, dtype=np.int64)
@@ -172,8 +161,30 @@ def power_spectral_density(
         samples=values.size,
         segment=length,
         segments=segments,
-        flags=("constant",) if constant else _trend(unit),
+        flags=("constant",) if constant else _trend(values, shift, scale),
     )
+
+
+def _welch(values: FloatArray, shift: float, factor: float, length: int, rate: float) -> FloatArray:
+    """One-sided density of (values - shift) factor: `scipy.signal.welch`, one segment in memory."""
+    from scipy.fft import rfft
+    from scipy.signal.windows import hann
+
+    window = hann(length, sym=False)
+    power = np.zeros(length // 2 + 1)
+    starts = range(0, values.size - length + 1, length - length // 2)
+    for start in starts:
+        piece = (values[start : start + length] - shift) * factor
+        piece -= piece.mean()
+        piece *= window
+        transform = rfft(piece, overwrite_x=True)
+        power += transform.real**2
+        power += transform.imag**2
+    power *= 2.0 / (rate * float(window @ window) * len(starts))
+    power[0] *= 0.5
+    if length % 2 == 0:
+        power[-1] *= 0.5
+    return power
 
 
 def _segment(wanted: int | None, samples: int) -> int:
@@ -202,7 +213,9 @@ def _octave_groups(bins: int, per_octave: int) -> tuple[IntArray, IntArray]:
     return first, count
 
 
-def _trend(unit: FloatArray) -> tuple[str, ...]:
+def _trend(values: FloatArray, shift: float, scale: float) -> tuple[str, ...]:
+    """Whether a straight line explains most of a signal; a million samples spread over it tell."""
+    unit = (values[:: max(1, values.size // _MOST_TREND)] - shift) / scale
     time = np.linspace(-1.0, 1.0, unit.size)
     power = float(unit @ unit)
     explained = float(time @ unit) ** 2 / (float(time @ time) * power)

@@ -22,6 +22,7 @@ from schuler.noise import BiasInstability, Process, ProcessSum, RandomWalk, Whit
 from schuler.types import FloatArray
 
 Model = Any
+_MOST_PREDICTED = 2_000_000
 
 _SHARED_FLAGS = {
     "trend": "the signal is a trend rather than noise: remove it, or model a RateRamp",
@@ -38,7 +39,13 @@ _SHARED_FLAGS = {
 def process_diagnostics(
     values: FloatArray, process: Process, rate: float, block: int = 1
 ) -> ResidualDiagnostics | None:
-    """Look at what the Kalman predictor of a process leaves of a signal."""
+    """Look at what the Kalman predictor of a process leaves of a signal.
+
+    Of a very long record the middle is looked at: states of every sample would fill the memory.
+    """
+    if values.size > _MOST_PREDICTED:
+        first = (values.size - _MOST_PREDICTED) // 2
+        values = values[first : first + _MOST_PREDICTED]
     if block > 1:
         whole = values.size // block * block
         values = (values[:whole] - values[0]).reshape(-1, block).mean(axis=1)

@@ -77,7 +77,8 @@ def without_covariates(
     effects = []
     for (name, power), value, error in zip(chosen, fit.size, fit.errors, strict=True):
         unit = float(np.std(design[name, power])) or 1.0
-        effect = Effect(name, power, value * scale / unit, error * scale / unit, reference[name])
+        size = scale / unit
+        effect = Effect(name, power, float(value) * size, float(error) * size, reference[name])
         effects.append(effect)
         left = left - effect.coefficient * terms[name, power]
     return Regression(left, tuple(effects), tuple(flags))

@@ -12,6 +12,7 @@ from schuler.types import FloatArray
 
 _FAR = 6.0
 _FEWEST_FAR = 10
+_MOST_STEPS, _BLOCKS = 2_000_000, 64
 _LEAST, _CHANCE = 0.005, 15.0
 
 
@@ -42,9 +43,20 @@ class Contamination:
         )
 
 
+def _steps(values: FloatArray) -> FloatArray:
+    """Differences of neighbours; of a very long signal, those of blocks spread over it."""
+    if values.size <= _MOST_STEPS:
+        return np.diff(np.asarray(values, dtype=np.float64))
+    size = _MOST_STEPS // _BLOCKS
+    starts = np.linspace(0, values.size - size, _BLOCKS).astype(np.int64)
+    return np.concatenate(
+        [np.diff(np.asarray(values[s : s + size], dtype=np.float64)) for s in starts]
+    )
+
+
 def contamination(values: FloatArray) -> Contamination:
     """Compare the variance of the differences with what it is without outliers."""
-    step = np.diff(np.asarray(values, dtype=np.float64))
+    step = _steps(values)
     scale = median_scale(step)
     if step.size < 2 or scale == 0.0:
         return Contamination(1.0, 0.0, False)
