@@ -6,6 +6,9 @@ from .arrays.calibration.calibrate import (
 from .arrays.calibration.result import (
     ArrayCalibration as ArrayCalibration,
 )
+from .arrays.calibration.single_imu import (
+    calibrate_imu as calibrate_imu,
+)
 from .arrays.clocks.jumps import (
     SampleJump as SampleJump,
 )
@@ -44,6 +47,12 @@ from .arrays.detection.lasting_faults import (
 )
 from .arrays.detection.lasting_faults import (
     detect_lasting_faults as detect_lasting_faults,
+)
+from .arrays.detection.preparation import (
+    PreparedDetection as PreparedDetection,
+)
+from .arrays.detection.preparation import (
+    prepare_detection as prepare_detection,
 )
 from .arrays.geometry import (
     Geometry as Geometry,
@@ -104,6 +113,9 @@ from .data.gnss import (
 )
 from .data.imu import (
     ImuRecording as ImuRecording,
+)
+from .data.imu_calibration import (
+    ImuCalibration as ImuCalibration,
 )
 from .data.mounting import (
     Mounting as Mounting,
@@ -397,6 +409,7 @@ __all__ = [
     "HealthyMotion",
     "Identification",
     "ImuArray",
+    "ImuCalibration",
     "ImuCharacterization",
     "ImuMethodComparison",
     "ImuRecording",
@@ -417,6 +430,7 @@ __all__ = [
     "OptimalGeometry",
     "OutageEvaluation",
     "PooledIdentification",
+    "PreparedDetection",
     "Process",
     "ProcessSum",
     "Quantization",
@@ -441,6 +455,7 @@ __all__ = [
     "autocorrelation",
     "averaged_volatility",
     "calibrate_array",
+    "calibrate_imu",
     "characterize_imu",
     "compare_error_models",
     "compare_methods",
@@ -469,6 +484,7 @@ __all__ = [
     "observability",
     "optimize_geometry",
     "power_spectral_density",
+    "prepare_detection",
     "read_array",
     "read_gnss",
     "read_imu",

@@ -12,6 +12,9 @@ from schuler.cli.reading import ImuReading
 if TYPE_CHECKING:
     from schuler.arrays.calibration.review import CalibrationReview
     from schuler.cli.console import Screen
+    from schuler.cli.outputs import Outputs
+    from schuler.data.imu import ImuRecording
+    from schuler.data.imu_calibration import ImuCalibration
 
 
 def calibrate(
@@ -30,9 +33,10 @@ def calibrate(
     most: float | None = None,
     reading: Annotated[ImuReading | None, Parameter(name="*")] = None,
 ) -> int:
-    """Calibrate the IMUs of an array against each other.
+    """Calibrate one IMU by hand, or the IMUs of an array against each other.
 
-    From a recording of the array lying in several poses and being turned by hand about all axes:
+    One IMU: laid down in 12 or more poses and turned by hand between them; bias, scale and
+    misalignment against gravity. An array: from a recording of the array lying in several poses and being turned by hand about all axes:
     how the IMUs are turned, scale and misalignment, lever arms, biases, delays, each with its
     standard error, and how far the sensors are apart before and after.
 
@@ -71,6 +75,13 @@ def calibrate(
 
     outputs = Outputs(out, report, json, inputs=(*files, *on))
     how = (reading or ImuReading()).options()
+    if len(files) == 1 and not files[0].is_dir():
+        from schuler.io import read_imus
+
+        with progress(f"Reading {files[0].name}"):
+            units = read_imus(files[0], **how)
+        if len(units) == 1:
+            return _one_imu(units[0], outputs, gravity, out, json)
     with progress(f"Reading {', '.join(f.name for f in files)}"):
         from schuler.arrays.read import read_array
 
@@ -103,6 +114,51 @@ def calibrate(
         say(f"check failed: gyros disagree by {worst:.3g} deg/s rms, at most {most:g} wanted")
         return 1
     return 0
+
+
+def _one_imu(
+    imu: ImuRecording, outputs: Outputs, gravity: float, out: Path | None, json: Path | None
+) -> int:
+    """Calibrate a single unit and write what was found."""
+    from schuler.arrays.calibration.single_imu import calibrate_imu
+    from schuler.cli.console import Screen
+    from schuler.cli.outputs import STDOUT, json_text
+    from schuler.execution.progress import progress
+
+    with progress("Calibrating"):
+        found = calibrate_imu(imu, gravity=gravity)
+    outputs.text(out, found.to_yaml)
+    outputs.text(json, lambda: json_text(found.to_dict()))
+    written = outputs.commit()
+    screen = Screen(json_on_stdout=json == STDOUT)
+    show_one(screen, found, written)
+    return 0
+
+
+def show_one(screen: Screen, found: ImuCalibration, written: tuple[Path, ...] = ()) -> None:
+    """Print bias and scale of every axis with their errors."""
+    import numpy as np
+
+    screen.heading(f"Calibration of {found.name}", f"{found.poses} poses, {found.turns} turns")
+    rows = []
+    for sensor, unit, factor in (("accel", "m/s²", 1.0), ("gyro", "deg/s", np.degrees(1.0))):
+        bias, bias_sd = getattr(found, f"{sensor}_bias"), getattr(found, f"{sensor}_bias_sd")
+        matrix, sd = getattr(found, f"{sensor}_matrix"), getattr(found, f"{sensor}_matrix_sd")
+        for i in range(3):
+            across = [matrix[i, j] for j in range(3) if j != i]
+            rows.append(
+                (
+                    f"{sensor} {'xyz'[i]}",
+                    f"{factor * bias[i]:.4f} ± {factor * bias_sd[i]:.4f} {unit}",
+                    f"{100.0 * (matrix[i, i] - 1.0):+.3f} ± {100.0 * sd[i, i]:.3f} %",
+                    " ".join(f"{np.degrees(v):+.3f}" for v in across),
+                )
+            )
+    screen.table(("sensor", "bias", "scale correction", "misalignment, deg"), rows)
+    for text in found.findings:
+        screen.finding("info", text)
+    for path in written:
+        screen.line(f"wrote {path}", "dim")
 
 
 def worst_of(review: CalibrationReview) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -180,10 +181,11 @@ def faults(
             files, healthy, calibration, window, false_alarm_rate, clocks, reading
         )
     else:
+        from schuler.arrays.calibration.result import ArrayCalibration
         from schuler.arrays.detection.fault_settings import FaultSettings
         from schuler.arrays.tracking import OnlineSettings
 
-        array = load_array(files, calibration, (reading or ImuReading()).options(), clocks)
+        array = load_array(files, None, (reading or ImuReading()).options(), clocks)
         rate = 0.001 if false_alarm_rate is None else false_alarm_rate
         settings = FaultSettings(
             false_alarm_rate=rate,
@@ -195,8 +197,12 @@ def faults(
         say_when_compiling()
         with progress("Looking for faults"):
             from schuler.arrays.detection.faults import detect_faults
+            from schuler.arrays.detection.preparation import prepare_detection
 
-            found = detect_faults(array, settings)
+            board = None if calibration is None else ArrayCalibration.load(calibration)
+            ready = prepare_detection(array, settings, calibration=board)
+            found = detect_faults(ready.array, ready.settings)
+            found = replace(found, limits=(*ready.notes, *found.limits))
         used = {
             "false_alarm_rate": rate,
             "exclusions_per_hour": exclusions_per_hour,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.data.imu_calibration import ImuCalibration
 from schuler.errors import InputError, SchulerError
 from schuler.io.binary import open_npz, open_parquet
 from schuler.io.detect import detect_format, file_in_folder
@@ -23,7 +24,9 @@ from schuler.io.text import open_text
 Kind = Literal["imu", "gnss"]
 
 
-def read_imu(path: str | Path, **how: Any) -> ImuRecording:
+def read_imu(
+    path: str | Path, *, calibration: str | Path | None = None, **how: Any
+) -> ImuRecording:
     """Read the recording of one IMU.
 
     Parameters
@@ -60,6 +63,8 @@ def read_imu(path: str | Path, **how: Any) -> ImuRecording:
     repair : bool, optional
         Leave out rows with NaN, rows whose time repeats or goes backwards, and a last line that
         was cut off; `history` says how many.
+    calibration : str or Path, optional
+        Calibration of this IMU as YAML (`calibrate_imu`), which is applied.
     missing : bool, optional
         Leave out rows with NaN and nothing else: what one IMU of several lacks.
     name : str, optional
@@ -80,7 +85,9 @@ def read_imu(path: str | Path, **how: Any) -> ImuRecording:
     options = _options(how, "imu")
     source, options = _open(Path(path), "imu", options)
     recordings: tuple[ImuRecording, ...] = _located(source, imu_recordings, source, options, True)
-    return recordings[0]
+    if calibration is None:
+        return recordings[0]
+    return ImuCalibration.load(calibration).apply(recordings[0])
 
 
 def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:
