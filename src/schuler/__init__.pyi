@@ -2,6 +2,7 @@
 
 from .arrays.calibration.calibrate import calibrate_array as calibrate_array
 from .arrays.calibration.result import ArrayCalibration as ArrayCalibration
+from .arrays.calibration.single_imu import calibrate_imu as calibrate_imu
 from .arrays.clocks.jumps import SampleJump as SampleJump
 from .arrays.clocks.jumps import find_jumps as find_jumps
 from .arrays.clocks.jumps import undo_jumps as undo_jumps
@@ -16,6 +17,8 @@ from .arrays.detection.healthy_motion import learn_healthy_motion as learn_healt
 from .arrays.detection.lasting_faults import LastingFaults as LastingFaults
 from .arrays.detection.lasting_faults import detect_lasting_faults as detect_lasting_faults
 from .arrays.detection.operating import chi_square_power as chi_square_power
+from .arrays.detection.preparation import PreparedDetection as PreparedDetection
+from .arrays.detection.preparation import prepare_detection as prepare_detection
 from .arrays.detection.thresholds import chi_square_threshold as chi_square_threshold
 from .arrays.detection.thresholds import empirical_threshold as empirical_threshold
 from .arrays.detection.thresholds import likelihood_statistics as likelihood_statistics
@@ -47,6 +50,7 @@ from .curves.wavelet_variance import wavelet_variance as wavelet_variance
 from .data.array import ImuArray as ImuArray
 from .data.gnss import GnssRecording as GnssRecording
 from .data.imu import ImuRecording as ImuRecording
+from .data.imu_calibration import ImuCalibration as ImuCalibration
 from .data.mounting import Mounting as Mounting
 from .data.trajectory import Innovations as Innovations
 from .data.trajectory import NavigationSolution as NavigationSolution
@@ -239,6 +243,7 @@ __all__ = [
     "HealthyMotion",
     "Identification",
     "ImuArray",
+    "ImuCalibration",
     "ImuCharacterization",
     "ImuMethodComparison",
     "ImuRecording",
@@ -268,6 +273,7 @@ __all__ = [
     "OutageTwin",
     "PairedStatistics",
     "PooledIdentification",
+    "PreparedDetection",
     "Process",
     "ProcessSum",
     "Profile",
@@ -301,6 +307,7 @@ __all__ = [
     "box_car",
     "box_car_gain",
     "calibrate_array",
+    "calibrate_imu",
     "car_with_set_pieces",
     "characterize_imu",
     "chi_square_power",
@@ -364,6 +371,7 @@ __all__ = [
     "position_sd_of_white_acceleration",
     "power_spectral_density",
     "prepare",
+    "prepare_detection",
     "read_array",
     "read_gnss",
     "read_imu",

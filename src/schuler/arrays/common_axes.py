@@ -50,6 +50,8 @@ class AxesCheck:
     turn : (k, 3, 3) ndarray
         Rotation that takes the rates of each IMU, turned by its mounting, into those of the
         reference; NaN where the motion does not show it.
+    turn_sd : (k,) ndarray
+        Standard deviation of that rotation, about the axis that is seen worst, rad.
     turned : (k,) ndarray of bool
         IMUs whose axes are not where the mounting says.
     broken : (k,) ndarray of bool
@@ -62,6 +64,7 @@ class AxesCheck:
 
     reference: int
     turn: FloatArray
+    turn_sd: FloatArray
     turned: BoolArray
     broken: BoolArray
     gravity_angle: FloatArray
@@ -74,7 +77,7 @@ def check_axes(array: ImuArray) -> AxesCheck:
     rates = _means(body.gyro, body.rate, RATE_BLOCK)
     forces = _means(body.accel, body.rate, FORCE_BLOCK)
     force = np.array([_median(np.linalg.norm(forces[:, i], axis=1)) for i in range(array.count)])
-    turn, known, apart = _turns(rates)
+    turn, turn_sd, known, apart = _turns(rates)
     angles = _gravity_angles(forces)
     far = np.nan_to_num(angles) > LARGEST_ANGLE
     agreeing = (~(apart | far)).sum(axis=1)
@@ -88,7 +91,9 @@ def check_axes(array: ImuArray) -> AxesCheck:
     turned = apart[reference] | (stranger & ~off & ~known[reference])
     broken = (stranger | off) & ~turned
     relative = np.swapaxes(turn[reference], 0, 1) @ turn if known.any() else turn
-    return AxesCheck(reference, relative, turned, broken, angles[reference], force)
+    return AxesCheck(
+        reference, relative, turn_sd[reference], turned, broken, angles[reference], force
+    )
 
 
 def require_common_axes(array: ImuArray, *, broken_may_pass: bool = False) -> None:
@@ -121,15 +126,15 @@ def _median(values: FloatArray) -> float:
     return float(np.median(known)) if known.size else float("nan")
 
 
-def _turns(rates: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
+def _turns(rates: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
     """Rotation of each IMU against a base, and which pairs are known and are turned."""
     k = rates.shape[1]
-    turn = np.full((k, 3, 3), np.nan)
+    turn, deviation = np.full((k, 3, 3), np.nan), np.full((k, k), np.inf)
     known, apart = np.zeros((k, k), dtype=bool), np.zeros((k, k), dtype=bool)
     speed = np.linalg.norm(rates, axis=2)
     whole = np.isfinite(speed).all(axis=1)
     if np.count_nonzero(whole) < 10:
-        return turn, known, apart
+        return turn, deviation, known, apart
     # the length of the rate knows nothing of axes: the base is the most ordinary gyro
     level = np.median(speed[whole], axis=1, keepdims=True)
     base = int(np.argmin(np.median(np.abs(speed[whole] - level), axis=0)))
@@ -140,12 +145,14 @@ def _turns(rates: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
             if i == j or first is None or second is None:
                 continue
             variance = first.covariance * (i != base) + second.covariance * (j != base)
+            deviation[i, j] = np.sqrt(np.linalg.eigvalsh(variance)[-1])
+            known[i, j] = DEVIATIONS * deviation[i, j] < LARGEST_ANGLE
             between = first.rotation.T @ second.rotation
-            known[i, j], apart[i, j] = _judged(between, variance, rates[whole, i], rates[whole, j])
+            apart[i, j] = _real(between, deviation[i, j], rates[whole, i], rates[whole, j])
     for i, fit in enumerate(fits):
         if fit is not None:
             turn[i] = fit.rotation
-    return turn, known, apart
+    return turn, deviation, known, apart
 
 
 def _aligned(first: FloatArray, second: FloatArray) -> RelativeRotation | None:
@@ -158,22 +165,18 @@ def _aligned(first: FloatArray, second: FloatArray) -> RelativeRotation | None:
     return None if len(found.unseen) else found
 
 
-def _judged(
-    turn: FloatArray, variance: FloatArray, first: FloatArray, second: FloatArray
-) -> tuple[bool, bool]:
-    """Whether the turn between two IMUs is known, and whether it is real."""
+def _real(turn: FloatArray, deviation: float, first: FloatArray, second: FloatArray) -> bool:
+    """Whether a turn is larger than its error and explains what two gyros differ by."""
     from schuler.rotations import rotation_vector_from_dcm
 
     vector = rotation_vector_from_dcm(turn)
     angle = float(np.linalg.norm(vector))
-    deviation = float(np.sqrt(np.linalg.eigvalsh(variance)[-1]))
     # constant differences are biases, and what is left after a turn may be scale or a fault
     a, b = first - np.median(first, axis=0), second - np.median(second, axis=0)
     length = np.linalg.norm(a, axis=1)
     rows = length >= np.quantile(length, LIVELY)
     before, after = _length(a[rows] - b[rows]), _length(a[rows] - b[rows] @ turn.T)
-    real = angle > max(SMALLEST_TURN, DEVIATIONS * deviation) and after < EXPLAINED * before
-    return DEVIATIONS * deviation < LARGEST_ANGLE, real
+    return angle > max(SMALLEST_TURN, DEVIATIONS * deviation) and after < EXPLAINED * before
 
 
 def _length(vectors: FloatArray) -> float:

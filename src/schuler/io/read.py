@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.data.imu_calibration import ImuCalibration
 from schuler.errors import InputError, SchulerError
 from schuler.io.folder import file_in_folder
 from schuler.io.format import What
@@ -21,7 +22,9 @@ from schuler.io.source import Source
 Kind = Literal["imu", "gnss"]
 
 
-def read_imu(path: str | Path, **how: Any) -> ImuRecording:
+def read_imu(
+    path: str | Path, *, calibration: str | Path | None = None, **how: Any
+) -> ImuRecording:
     """Read the recording of one IMU.
 
     Parameters
@@ -58,6 +61,8 @@ def read_imu(path: str | Path, **how: Any) -> ImuRecording:
     repair : bool, optional
         Leave out rows with NaN, rows whose time repeats or goes backwards, and a last line that
         was cut off; `history` says how many.
+    calibration : str or Path, optional
+        Calibration of this IMU as YAML (`calibrate_imu`), which is applied.
     missing : bool, optional
         Leave out rows with NaN and nothing else: what one IMU of several lacks.
     name : str, optional
@@ -78,7 +83,9 @@ def read_imu(path: str | Path, **how: Any) -> ImuRecording:
     options = _options(how, "imu")
     source = _open(Path(path), "imu", options)
     recordings: tuple[ImuRecording, ...] = _located(source, imu_recordings, source, options, True)
-    return recordings[0]
+    if calibration is None:
+        return recordings[0]
+    return ImuCalibration.load(calibration).apply(recordings[0])
 
 
 def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from schuler.arrays.lever_arms import fill_gaps
-from schuler.arrays.redundant import RedundantSensors
+from schuler.arrays.redundant import RedundantSensors, Sensor
 from schuler.arrays.tracking import OnlineSettings, Watch
 from schuler.errors import InputError
 from schuler.types import FloatArray
+
+SMOOTHING, SLOW = 0.1, 100.0
+"""Seconds over which motion is averaged, and of the memory of the slow mean of a force."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +47,10 @@ class FaultSettings:
         Standard deviation of what scale factors and misalignments leave, as a share of the motion.
     delay_uncertainty : float
         Standard deviation of the timing between sensors, s.
+    accel_scale_uncertainty, accel_delay_uncertainty : float
+        The same for accelerometers, where they are larger.
+    arm_uncertainty : float
+        Of the lever arms, m: rotation makes forces of them.
     online : OnlineSettings
         Of weights and biases.
     """
@@ -60,6 +67,9 @@ class FaultSettings:
     accel_wander: float = 0.005
     scale_uncertainty: float = 0.0
     delay_uncertainty: float = 0.0
+    accel_scale_uncertainty: float = 0.0
+    accel_delay_uncertainty: float = 0.0
+    arm_uncertainty: float = 0.0
     online: OnlineSettings = field(default_factory=OnlineSettings)
 
     def __post_init__(self) -> None:
@@ -73,7 +83,8 @@ class FaultSettings:
             self.time_constants
             and all(v > 0.0 for v in (*positive, *self.time_constants, self.wander_time_constant))
             and min(self.gyro_wander, self.accel_wander, self.scale_uncertainty) >= 0.0
-            and self.delay_uncertainty >= 0.0
+            and min(self.accel_scale_uncertainty, self.accel_delay_uncertainty) >= 0.0
+            and min(self.delay_uncertainty, self.arm_uncertainty) >= 0.0
         ):
             raise InputError(
                 "settings of the fault tests that are not positive",
@@ -116,28 +127,51 @@ class FaultSettings:
             wander=self.gyro_wander if sensors.sensor == "gyro" else self.accel_wander,
         )
 
-    def motion_variance(self, time: FloatArray, vectors: FloatArray) -> FloatArray | None:
-        """Return what motion may add to the variance of every axis.
+    def motion_variance(
+        self, time: FloatArray, vectors: FloatArray, sensor: Sensor, rate: FloatArray | None = None
+    ) -> FloatArray | None:
+        """Return what motion may add to the variance of every axis, (n,), from the past alone.
 
-        Parameters
-        ----------
-        time : (n,) ndarray
-            s.
-        vectors : (n, 3) ndarray
-            Fused rate in rad/s or specific force in m/s²; NaN where unknown.
-
-        Returns
-        -------
-        (n,) ndarray or None
-            (scale |x|)² + (delay |dx/dt|)², the derivative from this sample and the one before;
-            None when both uncertainties are zero.
+        (scale |x|)² + (delay |dx/dt|)², and for accelerometers (arm (|w|² + |dw/dt|))². Of a force
+        only what differs from its own slow mean counts: the rest is in the biases. None when all
+        uncertainties are zero.
         """
-        if self.scale_uncertainty == 0.0 and self.delay_uncertainty == 0.0:
+        scale, delay, arm = self.scale_uncertainty, self.delay_uncertainty, 0.0
+        if sensor == "accel":
+            scale = max(scale, self.accel_scale_uncertainty)
+            delay = max(delay, self.accel_delay_uncertainty)
+            arm = self.arm_uncertainty if rate is not None else 0.0
+        if scale == delay == arm == 0.0:
             return None
-        x = fill_gaps(time, vectors)
-        slope = np.zeros_like(x)
-        slope[1:] = np.diff(x, axis=0) / np.diff(time)[:, None]
-        return np.asarray(
-            self.scale_uncertainty**2 * (x**2).sum(axis=1)
-            + self.delay_uncertainty**2 * (slope**2).sum(axis=1)
-        )
+        step = float(np.median(np.diff(time)))
+        x = _smoothed(fill_gaps(time, vectors), step)
+        change = x if sensor == "gyro" else x - _slow_mean(x, step, self.online.learning)
+        variance = scale**2 * np.sum(change**2, axis=1)
+        variance += delay**2 * np.sum(_slope(x, time) ** 2, axis=1)
+        if arm > 0.0 and rate is not None:
+            w = _smoothed(fill_gaps(time, rate), step)
+            turning = np.sum(w**2, axis=1) + np.linalg.norm(_slope(w, time), axis=1)
+            variance += (arm * turning) ** 2
+        return np.asarray(variance)
+
+
+def _smoothed(x: FloatArray, step: float) -> FloatArray:
+    """Mean over the last tenth of a second: vibration is no motion."""
+    length = max(round(SMOOTHING / step), 1)
+    total = np.cumsum(np.concatenate([np.repeat(x[:1], length, axis=0), x]), axis=0)
+    return np.asarray((total[length:] - total[:-length]) / length)
+
+
+def _slow_mean(x: FloatArray, step: float, learning: float) -> FloatArray:
+    """Mean of the past with a long memory, at first that of the samples that are learnt from."""
+    from scipy.signal import lfilter
+
+    share = step / SLOW
+    start = x[: max(round(learning / step), 1)].mean(axis=0)
+    return np.asarray(lfilter([share], [1.0, share - 1.0], x - start, axis=0) + start)
+
+
+def _slope(x: FloatArray, time: FloatArray) -> FloatArray:
+    slope = np.zeros_like(x)
+    slope[1:] = np.diff(x, axis=0) / np.diff(time)[:, None]
+    return slope

@@ -200,7 +200,7 @@ def detect_faults(
             how.online,
             how.watch(sensors),
             tensor=tensor,
-            extra=motion_extra(sensors, how),
+            extra=_motion_extra(sensors, how, rate),
         )
         if kind == "gyro":
             rate = followed.fused
@@ -209,12 +209,16 @@ def detect_faults(
     return FaultDetection(found.get("gyro"), found.get("accel"), array.names, tuple(limits))
 
 
-def motion_extra(sensors: RedundantSensors, settings: FaultSettings) -> FloatArray | None:
+def _motion_extra(
+    sensors: RedundantSensors, settings: FaultSettings, rate: FloatArray | None
+) -> FloatArray | None:
     """Return the variance that motion may add, from the plain mean of the sensors."""
-    if settings.scale_uncertainty == 0.0 and settings.delay_uncertainty == 0.0:
+    gyros = sensors.sensor == "gyro"
+    none = np.zeros((2, 3))
+    if settings.motion_variance(np.arange(2.0), none, sensors.sensor, none) is None:
         return None
     fused, _, _ = fuse_constant(sensors.measurements, sensors.axes, np.ones(sensors.count))
-    return settings.motion_variance(sensors.time, fused)
+    return settings.motion_variance(sensors.time, fused, sensors.sensor, None if gyros else rate)
 
 
 def _limits(sensors: RedundantSensors) -> list[str]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from schuler.arrays.calibration.disagreement import LIMITS, MOVING
 from schuler.arrays.calibration.result import ArrayCalibration
+from schuler.arrays.detection.motion_errors import fit_variances
 from schuler.arrays.detection.window_offsets import (
     WindowOffsets,
     calibrated_rates,
@@ -30,8 +31,6 @@ CAUTION = 2.0
 """Standard errors of the tail that are added to it."""
 WHITEST = 0.01
 """Least share of white scatter in the variance of means."""
-SWEEPS = 50
-"""Rounds of fitting the covariance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,23 +237,15 @@ def _fit_covariance(
     calibration: ArrayCalibration, offsets: WindowOffsets, motion: NDArray[np.int64]
 ) -> tuple[float, float, float, float]:
     """Colour, floor, scale and timing by non-negative least squares of squared offsets."""
-    from scipy.optimize import nnls
-
     number = offsets.present.sum(axis=1)
     freedom = np.maximum(number - 1, 1)
     square = (offsets.offset**2).sum(axis=(1, 2)) / (3.0 * freedom)
     sampling = np.einsum("wii->w", offsets.sampling) / freedom
     # what is asked of the window is the excess over white scatter
     columns = np.stack([sampling, np.ones(sampling.size), offsets.rate**2, offsets.slope**2], 1)
-    size = np.maximum(columns.mean(axis=0), 1e-300)
     # every class of motion has the same say
     share = 1.0 / np.sqrt(np.bincount(motion, minlength=3)[motion])
-    explained = np.maximum(square, float(np.median(square)))
-    values = np.zeros(4)
-    for _ in range(SWEEPS):
-        weight = share / explained
-        values = nnls(columns / size * weight[:, None], square * weight)[0] / size
-        explained = np.maximum(columns @ values, 1e-3 * float(np.median(square)) + 1e-300)
+    values = fit_variances(columns, square, share)
     # the calibration's own error is new in every other recording
     scale = values[2] + float(np.mean(calibration.gyro_deviation_sd**2))
     return (

@@ -24,6 +24,7 @@ from schuler.arrays.calibration.result import ArrayCalibration
 from schuler.arrays.calibration.rows import find_rests, mask_saturated
 from schuler.arrays.clocks.polling import own_derivative
 from schuler.arrays.clocks.resampling import rate_of_change
+from schuler.arrays.detection.motion_errors import mean_of_present
 from schuler.data import ImuArray
 from schuler.types import FloatArray
 
@@ -109,11 +110,11 @@ def calibrated_rates(calibration: ArrayCalibration, array: ImuArray) -> Calibrat
     body = applied.apply(mask_saturated(array)[0]).gyro
     # a derivative needs neighbours: no margin for it
     bare = applied.apply(mask_saturated(array, margin=0)[0]).gyro
-    slope = rate_of_change(array.time, _mean_of_present(bare))
+    slope = rate_of_change(array.time, mean_of_present(bare))
     present: NDArray[np.bool_] = np.asarray(np.isfinite(body).all(axis=2))
     present = present & np.asarray(np.isfinite(slope).all(axis=1))[:, None]
     present = present & (present.sum(axis=1) > 1)[:, None]
-    rate = np.nan_to_num(_mean_of_present(np.where(present[..., None], body, np.nan)))
+    rate = np.nan_to_num(mean_of_present(np.where(present[..., None], body, np.nan)))
     residual = np.where(present[..., None], body - rate[:, None], 0.0)
     delay, unknown = np.zeros(present.shape), np.zeros(array.size)
     if track is not None:
@@ -151,14 +152,6 @@ def _drift(
     middle = np.median(level - slope * moment[:, None, None], axis=0)
     line = middle + slope * time[:, None, None]
     return np.asarray(line - line.mean(axis=1, keepdims=True))
-
-
-def _mean_of_present(vectors: FloatArray) -> FloatArray:
-    """Mean over the sensors that are whole, (n, 3); NaN without any."""
-    whole = np.asarray(np.isfinite(vectors).all(axis=2))
-    total = np.where(whole[..., None], vectors, 0.0).sum(axis=1)
-    number = whole.sum(axis=1)[:, None]
-    return np.asarray(np.where(number > 0, total / np.maximum(number, 1), np.nan))
 
 
 def window_offsets(rates: CalibratedRates, window: float, step: float) -> WindowOffsets:

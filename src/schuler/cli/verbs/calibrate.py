@@ -1,4 +1,4 @@
-"""`schuler calibrate`: the IMUs of an array against each other."""
+"""`schuler calibrate`: one IMU by hand, or the IMUs of an array against each other."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from schuler.cli.options.reading import ImuReading
 if TYPE_CHECKING:
     from schuler.arrays.calibration.review import CalibrationReview
     from schuler.cli.console import Screen
+    from schuler.data.imu import ImuRecording
+    from schuler.data.imu_calibration import ImuCalibration
 
 
 @Parameter(name="*")
@@ -59,9 +61,11 @@ def calibrate(
     options: CalibrationOptions = CalibrationOptions(),
     reading: ImuReading = ImuReading(),
 ) -> int:
-    """Calibrate the IMUs of an array against each other.
+    """Calibrate one IMU by hand, or the IMUs of an array against each other.
 
-    From a recording of the array lying in several poses and being turned by hand about all axes:
+    One IMU: laid down in 12 or more poses and turned by hand between them; bias, scale and
+    misalignment against gravity. An array: from a recording of it lying in several poses and
+    being turned by hand about all axes:
     how the IMUs are turned, scale and misalignment, lever arms, biases, delays, each with its
     standard error, and how far the sensors are apart before and after.
 
@@ -70,7 +74,7 @@ def calibrate(
     Parameters
     ----------
     files : tuple of Path
-        One file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
+        A recording of one IMU, or one file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
     out : Path, optional
         Write the calibration as YAML here.
     on : tuple of Path
@@ -80,6 +84,12 @@ def calibrate(
     from schuler.arrays.calibration.review import review_calibration
 
     job = Job(written, out, inputs=(*files, *on))
+    if len(files) == 1 and not files[0].is_dir():
+        from schuler.io import read_imus
+
+        units = read_imus(files[0], **reading.options())
+        if len(units) == 1:
+            return job.finish(_one_imu(units[0], options.gravity, out))
     array = load_array(files, None, reading.options(), options.clocks)
     others = [(f.stem, load_array((f,), None, reading.options(), options.clocks)) for f in on]
     with working("Calibrating"):
@@ -105,6 +115,53 @@ def calibrate(
             failed=_failed(worst_of(review), options.most),
         )
     )
+
+
+def _one_imu(imu: ImuRecording, gravity: float, out: Path | None) -> Result:
+    """Calibrate a single unit."""
+    from schuler.arrays.calibration.single_imu import calibrate_imu
+    from schuler.report import Section, Table
+
+    with working("Calibrating"):
+        found = calibrate_imu(imu, gravity=gravity)
+    title = f"Calibration of {found.name}"
+    head = f"{found.poses} poses, {found.turns} turns"
+    columns = ("sensor", "bias", "scale correction", "misalignment, deg")
+    rows = _unit_rows(found)
+
+    def show(screen: Screen) -> None:
+        screen.heading(title, head)
+        screen.table(columns, rows)
+        screen.findings(("info", text) for text in found.findings)
+
+    return Result(
+        title=title,
+        sections=(Section(title, (Table(head, columns, rows),), found.findings), imu),
+        show=show,
+        json=found.to_dict,
+        settings={"gravity": gravity},
+        texts=((out, found.to_yaml),),
+        with_origin=True,
+    )
+
+
+def _unit_rows(found: ImuCalibration) -> tuple[tuple[str, ...], ...]:
+    """Bias and scale of every axis with their errors."""
+    rows = []
+    for sensor, unit, factor in (("accel", "m/s²", 1.0), ("gyro", "deg/s", math.degrees(1.0))):
+        bias, bias_sd = getattr(found, f"{sensor}_bias"), getattr(found, f"{sensor}_bias_sd")
+        matrix, sd = getattr(found, f"{sensor}_matrix"), getattr(found, f"{sensor}_matrix_sd")
+        for i in range(3):
+            across = (f"{math.degrees(matrix[i, j]):+.3f}" for j in range(3) if j != i)
+            rows.append(
+                (
+                    f"{sensor} {'xyz'[i]}",
+                    f"{factor * bias[i]:.4f} ± {factor * bias_sd[i]:.4f} {unit}",
+                    f"{100.0 * (matrix[i, i] - 1.0):+.3f} ± {100.0 * sd[i, i]:.3f} %",
+                    " ".join(across),
+                )
+            )
+    return tuple(rows)
 
 
 def _failed(worst: float, most: float | None) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -97,11 +97,13 @@ def _sample_by_sample(
     files: tuple[Path, ...], options: FaultOptions, reading: ImuReading
 ) -> Result:
     """Test every sample and its means against the noise."""
+    from schuler.arrays.calibration.result import ArrayCalibration
     from schuler.arrays.detection.fault_settings import FaultSettings
     from schuler.arrays.detection.faults import detect_faults
+    from schuler.arrays.detection.preparation import prepare_detection
     from schuler.arrays.tracking import OnlineSettings
 
-    array = load_array(files, options.calibration, reading.options(), options.clocks)
+    array = load_array(files, None, reading.options(), options.clocks)
     rate = options.rate(0.001)
     settings = FaultSettings(
         false_alarm_rate=rate,
@@ -111,7 +113,11 @@ def _sample_by_sample(
         online=OnlineSettings(learning=options.learning),
     )
     with working("Looking for faults"):
-        found = detect_faults(array, settings)
+        path = options.calibration
+        board = None if path is None else ArrayCalibration.load(path)
+        ready = prepare_detection(array, settings, calibration=board)
+        found = detect_faults(ready.array, ready.settings)
+        found = replace(found, limits=(*ready.notes, *found.limits))
     used = {
         "false_alarm_rate": rate,
         "exclusions_per_hour": options.exclusions_per_hour,

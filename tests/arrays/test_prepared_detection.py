@@ -1,0 +1,90 @@
+"""A verdict only where one is possible: healthy flights are left alone, faults are named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from schuler.arrays.calibration.calibrate import calibrate_array
+from schuler.arrays.detection.faults import detect_faults
+from schuler.arrays.detection.motion_errors import motion_errors
+from schuler.arrays.detection.preparation import prepare_detection
+from schuler.arrays.read import read_array
+from schuler.data import ImuArray, Mounting
+from schuler.errors import InputError
+
+DEGREE = np.pi / 180.0
+
+
+def excluded(array: ImuArray, **how: object) -> list[tuple[str, str, float]]:
+    ready = prepare_detection(array, **how)  # type: ignore[arg-type]
+    found = detect_faults(ready.array, ready.settings)
+    return [(r.sensor, r.name, r.start) for r in found.records if r.kind != "missing"]
+
+
+def turning(seconds: float = 60.0, scale: float = 0.0, seed: int = 1) -> ImuArray:
+    """Four aligned units that turn by waves, with errors of scale."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(100 * seconds)) / 100.0
+    wave = np.sin(2.0 * np.pi * np.array([0.31, 0.23, 0.17]) * time[:, None] + [0.0, 1.0, 2.0])
+    gyro = wave[:, None] * (1.0 + scale * rng.standard_normal((4, 3)))
+    gyro = gyro + 0.1 * DEGREE * rng.standard_normal(gyro.shape)
+    accel = 0.02 * rng.standard_normal(gyro.shape) + [0.0, 0.0, -9.81]
+    return ImuArray(time, gyro, accel, Mounting.aligned(4))
+
+
+def test_what_motion_leaves_is_read_between_sensors_and_a_broken_unit_does_not_spoil_it() -> None:
+    array = turning(scale=0.02)
+    gyro = array.gyro.copy()
+    gyro[2000:, 1] += 3.0 * DEGREE
+    for one in (array, replace(array, gyro=gyro)):
+        found = motion_errors(one)["gyro"]
+        # twelve scales were drawn: their own scatter is a fifth
+        assert 0.008 < found.scale < 0.03
+        assert found.floor < 0.05 * DEGREE
+    assert motion_errors(turning())["gyro"].scale < 2e-3
+
+
+def test_an_array_in_common_axes_is_judged_as_it_is() -> None:
+    array = turning()
+    ready = prepare_detection(array)
+    assert ready.array is array and ready.notes == ()
+
+
+def test_an_array_that_motion_rules_is_calibrated_in_passing_or_refused() -> None:
+    array = turning(scale=0.03)
+    ready = prepare_detection(array)
+    assert "calibrated in passing" in ready.notes[-1]
+    assert excluded(array) == []
+    gyro = array.gyro.copy()
+    gyro[3000:, 2, 1] += 2.0 * DEGREE
+    ((sensor, name, start),) = excluded(replace(array, gyro=gyro))
+    assert (sensor, name) == ("gyro", "imu 3 y") and start < 31.0
+    # turns about one axis alone do not tell nine elements
+    flat = array.gyro * [0.0, 0.0, 1.0] + 0.002 * np.random.default_rng(2).standard_normal(
+        array.gyro.shape
+    )
+    with pytest.raises(InputError, match="schuler calibrate"):
+        prepare_detection(replace(array, gyro=flat))
+
+
+@pytest.mark.parametrize("passing", [False, True])
+def test_healthy_flights_have_no_faults_and_those_put_in_are_named(
+    data_folder: Path, passing: bool
+) -> None:
+    flights = {
+        p: read_array(data_folder / "quad-4imu" / f"path{p}_imu.parquet") for p in ("03", "10")
+    }
+    board = None if passing else calibrate_array(flights["10"], bandwidth=8.0)
+    array = flights["03"]
+    assert excluded(array, calibration=board) == []
+    gyro, accel = array.gyro.copy(), array.accel.copy()
+    gyro[array.time > 20.0, 1, 0] += 2.0 * DEGREE
+    accel[array.time > 30.0, 3, 1] += 0.5
+    named = excluded(replace(array, gyro=gyro, accel=accel), calibration=board)
+    assert [n[0] for n in named] == ["gyro", "accel"]
+    assert named[0][1].endswith("imu2 x") and named[0][2] < 21.0
+    assert named[1][1].endswith("imu4 y") and named[1][2] < 32.0
