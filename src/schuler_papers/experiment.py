@@ -36,7 +36,7 @@ class Repetitions:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """A table, figure, equation or slip of a paper: label as printed, what it says, how it is judged.
+    """A table, figure, equation or slip of a paper: label as printed, claim, how it is judged.
 
     `slips` are the labels of further slips that its rows are about, so that they can be asked for.
     """

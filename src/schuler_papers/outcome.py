@@ -275,8 +275,8 @@ def rounding(printed: float) -> float:
 class Curve:
     """Something to be drawn: (n,) columns; `x` counts the categories of a panel that has them.
 
-    `role` chooses the colour, `mark` how it is drawn; `lower` and `upper` are the ends of error bars,
-    or of a band. NaN is a gap.
+    `role` chooses the colour, `mark` how it is drawn; `lower` and `upper` are the ends of error
+    bars, or of a band. NaN is a gap.
     """
 
     name: str
@@ -319,7 +319,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A table in the layout of the paper: a row for each line and column, None where it has nothing."""
+    """A table in the layout of the paper: a row for each cell, None where it has nothing."""
 
     title: str
     corner: str

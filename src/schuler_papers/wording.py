@@ -28,8 +28,8 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 class Counts:
     """What the values of some items came to.
 
-    `inside` of `banded` values lie in their band; `met` of `printed` numbers agree (derived ones are
-    not counted), `narrow` of these are compared within a quarter.
+    `inside` of `banded` values lie in their band; `met` of `printed` numbers agree (derived ones
+    are not counted), `narrow` of these are compared within a quarter.
     """
 
     values: int
