@@ -201,15 +201,18 @@ class Row:
                 self.printed_error, error if math.isfinite(error) else 0.0
             )
             return Band(value - slack, value + slack, "theory", "errors of both")
-        return self.band
+        if self.band is None:
+            return None
+        error = self.estimate.standard_error
+        slack = self.band.standard_errors * error if math.isfinite(error) else 0.0
+        return Band(self.band.low - slack, self.band.high + slack, "theory", "with our error")
 
     @property
     def agrees(self) -> bool:
         """Whether the printed number lies where it is compared, rounding allowed for."""
         if self.compared is None or self.printed is None or isinstance(self.printed, str):
             return False
-        own = Estimate(float(self.printed), self.estimate.standard_error)
-        return self.compared.holds(own, rounding(self.printed))
+        return self.compared.holds(Estimate(float(self.printed)), rounding(self.printed))
 
     @property
     def narrow(self) -> bool:
