@@ -16,15 +16,7 @@ NOTICEABLE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One value in two runs.
-
-    Parameters
-    ----------
-    paper, item : str
-        Where it belongs.
-    first, second : Row
-        What came out in each.
-    """
+    """One value in two runs."""
 
     paper: str
     item: str

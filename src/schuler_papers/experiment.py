@@ -24,13 +24,7 @@ Results = Sequence[Numbers]
 
 @dataclass(frozen=True, slots=True)
 class Repetitions:
-    """How often an experiment is run.
-
-    Parameters
-    ----------
-    quick, full : int
-        Number of seeds for each size; no quick one for what takes long.
-    """
+    """Number of seeds for each size; no quick one for what takes long."""
 
     quick: int = 1
     full: int = 1
@@ -42,20 +36,9 @@ class Repetitions:
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """A table, figure, equation or erratum of a paper.
+    """A table, figure, equation or slip of a paper: label as printed, claim, how it is judged.
 
-    Parameters
-    ----------
-    label : str
-        As the paper has it: "Table 2", "Fig. 5", "eq. (12)"; "E-000-5" for a slip.
-    title : str
-        What it is about.
-    claim : str
-        What the paper says, in one sentence.
-    judge : callable
-        ``(results, size) -> Outcome``.
-    slips : tuple of str
-        Labels of further slips that its rows prove, so that they can be asked for.
+    `slips` are the labels of further slips that its rows are about, so that they can be asked for.
     """
 
     label: str

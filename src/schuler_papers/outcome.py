@@ -33,15 +33,7 @@ OWN_ERRORS = 2.0
 
 
 class Estimate(NamedTuple):
-    """A number with its standard error.
-
-    Parameters
-    ----------
-    value : float
-        Mean over repetitions, or the number itself.
-    standard_error : float
-        Of that mean; NaN where nothing is random or there was one repetition only.
-    """
+    """A number with its standard error: NaN where nothing is random, or with one repetition."""
 
     value: float
     standard_error: float = math.nan
@@ -209,15 +201,18 @@ class Row:
                 self.printed_error, error if math.isfinite(error) else 0.0
             )
             return Band(value - slack, value + slack, "theory", "errors of both")
-        return self.band
+        if self.band is None:
+            return None
+        error = self.estimate.standard_error
+        slack = self.band.standard_errors * error if math.isfinite(error) else 0.0
+        return Band(self.band.low - slack, self.band.high + slack, "theory", "with our error")
 
     @property
     def agrees(self) -> bool:
         """Whether the printed number lies where it is compared, rounding allowed for."""
         if self.compared is None or self.printed is None or isinstance(self.printed, str):
             return False
-        own = Estimate(float(self.printed), self.estimate.standard_error)
-        return self.compared.holds(own, rounding(self.printed))
+        return self.compared.holds(Estimate(float(self.printed)), rounding(self.printed))
 
     @property
     def narrow(self) -> bool:
@@ -281,21 +276,10 @@ def rounding(printed: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Something to be drawn.
+    """Something to be drawn: (n,) columns; `x` counts the categories of a panel that has them.
 
-    Parameters
-    ----------
-    name : str
-        Its label.
-    x, y : (n,) array_like
-        Places; `x` counts the categories of a panel that has them. NaN is a gap.
-    role : str
-        What it is, which chooses the colour: "printed" in the paper, "ours", "theory", the
-        "paper" 's method, our "better" one, "data", an axis "x", "y", "z", or "other".
-    mark : {"line", "dash", "points", "band"}
-        How it is drawn; a band needs `lower` and `upper`.
-    lower, upper : (n,) array_like or None
-        Ends of the error bars, or of the band.
+    `role` chooses the colour, `mark` how it is drawn; `lower` and `upper` are the ends of error
+    bars, or of a band. NaN is a gap.
     """
 
     name: str
@@ -321,22 +305,9 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One plot of a figure that is drawn again.
+    """One plot of a figure: axes with quantity and unit, curves in order, names for x = 0, 1, 2 ...
 
-    Parameters
-    ----------
-    title : str
-        Above it.
-    x, y : str
-        Quantity and unit of the axes.
-    curves : tuple of Curve
-        Drawn in this order.
-    description : str
-        What is to be seen, for readers who cannot see it.
-    log_x, log_y : bool
-        Logarithmic axes.
-    categories : tuple of str
-        Names for x = 0, 1, 2 ... instead of numbers.
+    `description` says what is to be seen, for readers who cannot see it.
     """
 
     title: str
@@ -351,21 +322,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A table in the layout of the paper, every cell printed and ours.
-
-    Parameters
-    ----------
-    title : str
-        As the paper has it.
-    corner : str
-        Above the names of the lines.
-    columns : tuple of str
-        Heads of the columns, units included.
-    lines : tuple of str
-        Names of the lines.
-    cells : tuple of tuple of Row or None
-        One for each line and column; None where the paper has nothing.
-    """
+    """A table in the layout of the paper: a row for each cell, None where it has nothing."""
 
     title: str
     corner: str
@@ -382,19 +339,7 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """All that is said about one table, figure, equation or erratum.
-
-    Parameters
-    ----------
-    rows : tuple of Row
-        At least one; those of the sheets are among them.
-    panels : tuple of Panel
-        What is drawn again.
-    notes : tuple of str
-        What the reader should take away, a sentence or two each.
-    sheets : tuple of Sheet
-        Tables in the layout of the paper.
-    """
+    """All that is said about an item: rows (those of the sheets too), plots, notes, tables."""
 
     rows: tuple[Row, ...]
     panels: tuple[Panel, ...] = ()

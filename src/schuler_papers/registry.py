@@ -15,21 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Paper:
-    """One of the papers.
-
-    Parameters
-    ----------
-    name : str
-        First author and year; also the module of its experiments.
-    label : str
-        Number it goes by in the project's documents.
-    authors : str
-        Authors and year.
-    title : str
-        Title.
-    journal : str
-        Where it appeared.
-    """
+    """One of the papers: module name, number in the documents, authors, title, journal."""
 
     name: str
     label: str

@@ -27,17 +27,7 @@ _NOT_COUNTED = ("cli", "report", "execution")
 
 @dataclass(frozen=True, slots=True)
 class ItemResult:
-    """What one item of a paper came to.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        That it was taken from.
-    item : Item
-        Table, figure, equation or erratum.
-    outcome : Outcome
-        Rows, plots, notes.
-    """
+    """What one item of a paper came to."""
 
     experiment: Experiment
     item: Item
@@ -51,15 +41,7 @@ class ItemResult:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """What an experiment cost.
-
-    Parameters
-    ----------
-    repetitions : int
-        Number of seeds.
-    cpu_seconds : float
-        Of all of them.
-    """
+    """What an experiment cost: seeds, and CPU seconds of all of them."""
 
     repetitions: int
     cpu_seconds: float
@@ -67,19 +49,7 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """Papers done again.
-
-    Parameters
-    ----------
-    size : {"quick", "full"}
-        Of the study.
-    items : tuple of ItemResult
-        In the order of the papers.
-    efforts : dict of (str, str) to Effort
-        By paper and experiment.
-    left_out : tuple of str
-        What could not be done, and why.
-    """
+    """Papers done again: items in order, efforts by (paper, experiment), and what was left out."""
 
     size: Size
     items: tuple[ItemResult, ...]

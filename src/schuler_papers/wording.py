@@ -28,18 +28,8 @@ _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 class Counts:
     """What the values of some items came to.
 
-    Parameters
-    ----------
-    values : int
-        All rows.
-    kinds, verdicts : Counter of str
-        By kind and by verdict.
-    banded, inside : int
-        Values with a band, and those that lie in it.
-    printed, met : int
-        Printed numbers that are compared, derived ones not counted, and those that agree.
-    narrow : int
-        Of the printed numbers, those compared within a quarter.
+    `inside` of `banded` values lie in their band; `met` of `printed` numbers agree (derived ones
+    are not counted), `narrow` of these are compared within a quarter.
     """
 
     values: int

@@ -46,22 +46,9 @@ DEG_H = math.radians(1.0) / 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A twin of one channel of the Crossbow CC-300.
+    """A twin of one channel of the Crossbow CC-300: noise and 16-bit step in SI, the tables' unit.
 
-    Parameters
-    ----------
-    name : str
-        Experiment.
-    process : Process
-        Its noise, in SI.
-    step : float
-        Resolution of 16 bits, in SI.
-    unit : float
-        The unit of the tables in SI.
-    printed_covariance : float
-        Error of the covariance method at order 1 as printed, in that unit squared.
-    printed_floor : float
-        Error of Yule-Walker at order 10 as printed.
+    The printed errors are of the covariance method at order 1 and of Yule-Walker at order 10.
     """
 
     name: str

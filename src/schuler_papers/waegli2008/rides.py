@@ -65,19 +65,7 @@ def mti(bias: float = 1.0, gyro_time: float = GYRO_TIME) -> NoiseModel:
 
 
 class Ride:
-    """Recordings of one draw of a ride, and its truth.
-
-    Parameters
-    ----------
-    kind : {"ski", "motorcycle"}
-        Which ride.
-    seed : int
-        Number of the repetition.
-    size : {"quick", "full"}
-        Length.
-    biases : tuple of float
-        Factor on the biases of each IMU.
-    """
+    """Recordings of one draw of a ride, and its truth; a factor on the biases for each IMU."""
 
     def __init__(
         self,
