@@ -43,17 +43,13 @@ from twins import LEVER, Twin, draw_twin, navigation_errors, perfect
 from vehicle_twins import ARM, draw_vehicle, ride
 
 from schuler.arrays.geometry import tetrahedron_mounting
-from schuler.data.array import Mounting
-from schuler.navigation.aiding.attitude_sources import (
-    Barometer,
-    CorrelatedGnss,
-    Heading,
-    Magnetometer,
-    StatefulAiding,
-    earth_field,
-)
-from schuler.navigation.aiding.gnss import KIND_NAMES
+from schuler.data import Mounting
+from schuler.navigation.aiding.barometer import Barometer
+from schuler.navigation.aiding.gnss import CorrelatedGnss
+from schuler.navigation.aiding.heading import Heading
+from schuler.navigation.aiding.magnetometer import Magnetometer, earth_field
 from schuler.navigation.aiding.options import MeasurementOptions
+from schuler.navigation.aiding.schedule import KIND_NAMES, PlacedAiding
 from schuler.navigation.engine import NO_VEHICLE, gate_thresholds, run_engine
 from schuler.navigation.mechanizations.navigate_array import (
     MECHANIZATIONS,
@@ -104,7 +100,7 @@ def band(degrees: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def sensor(kind: str, profile: Profile, seed: int) -> tuple[StatefulAiding | None, Array]:
+def sensor(kind: str, profile: Profile, seed: int) -> tuple[PlacedAiding | None, Array]:
     """A sensor with errors drawn from its own prior, and the true values of its states."""
     rng = np.random.default_rng([seed, 1])
     last = profile.stop - 1.0

@@ -29,12 +29,8 @@ import numpy as np
 from schuler.arrays.calibration.calibrate import calibrate_array
 from schuler.arrays.calibration.result import ArrayCalibration
 from schuler.arrays.calibration.rows import mask_saturated
-from schuler.arrays.detection.lasting_faults import (
-    HealthyMotion,
-    LastingFaults,
-    detect_lasting_faults,
-    learn_healthy_motion,
-)
+from schuler.arrays.detection.healthy_motion import HealthyMotion, learn_healthy_motion
+from schuler.arrays.detection.lasting_faults import LastingFaults, detect_lasting_faults
 from schuler.arrays.read import read_array
 from schuler.data import ImuArray
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, ImuRecording
-from schuler.navigation.aiding.gnss import POSITION, AidingSchedule
+from schuler.navigation.aiding.schedule import POSITION, AidingSchedule
 from schuler.navigation.aiding.vehicle import with_vehicle_states
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
@@ -62,7 +62,8 @@ def sensor_model(states: int) -> SensorErrorModel:
 
 def recordings() -> tuple[ImuRecording, AidingSchedule, InitialState]:
     """A simulated drive; the state starts at the truth, with the covariance of 15 states."""
-    from schuler.navigation.aiding.gnss import GnssPosition, GnssVelocity, merge_schedules
+    from schuler.navigation.aiding.gnss import GnssPosition, GnssVelocity
+    from schuler.navigation.aiding.schedule import merge_schedules
     from schuler.simulation import car_urban, ideal_imu, simulate_gnss, simulate_imu
 
     rng = np.random.default_rng(1)

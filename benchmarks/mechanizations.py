@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.arrays.geometry import tetrahedron_mounting
-from schuler.data import CHANNELS, GnssRecording
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import CHANNELS, GnssRecording, ImuArray, Mounting
 from schuler.navigation.mechanizations.array_model import extended_model
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
 from schuler.navigation.mechanizations.navigate_array import Mechanization, run_mechanization
 from schuler.navigation.observability import Segment, system_matrix
+from schuler.navigation.settings import NavigationSettings
 from schuler.noise import RandomWalk, WhiteNoise
 from schuler.noise.noise_model import NoiseModel
 from schuler.simulation import motorcycle, simulate_array, simulate_gnss
@@ -58,7 +58,7 @@ def recordings(count: int) -> tuple[PreparedArray, GnssRecording]:
     parts = simulate_array(profile, mount.rotation, mount.position, noise, 100.0, rng)
     gnss = simulate_gnss(profile, 1.0, position_sd=0.5, velocity_sd=0.05, rng=rng)
     array = ImuArray.from_recordings(parts, mount)
-    return prepare_array(array, gnss, noise, time_offset=0.0), gnss
+    return prepare_array(array, gnss, noise, NavigationSettings(time_offset=0.0)), gnss
 
 
 def least_cpu(task: Callable[[], object], repeats: int = REPEATS) -> float:
@@ -76,9 +76,9 @@ def engine_cpu(prepared: PreparedArray, gnss: GnssRecording, name: Mechanization
     """Microseconds a sample of the filter pass itself."""
     from dataclasses import replace
 
+    from schuler.navigation.aiding.parity import Parity
     from schuler.navigation.engine import gate_thresholds, run_engine
     from schuler.navigation.mechanizations.array_model import fused_model
-    from schuler.navigation.mechanizations.parity import Parity
 
     setup = prepared.setup
     if name == "extended":

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.filter_speed import LEVER, recordings, sensor_model, started
 from schuler.data import ImuRecording
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
 from schuler.navigation.streaming import GnssReceiver, NavigationFilter
 

@@ -12,6 +12,9 @@ from .arrays.clocks.jumps import (
 from .arrays.clocks.jumps import (
     find_jumps as find_jumps,
 )
+from .arrays.clocks.jumps import (
+    undo_jumps as undo_jumps,
+)
 from .arrays.clocks.synchronization import (
     Synchronization as Synchronization,
 )
@@ -27,23 +30,35 @@ from .arrays.detection.faults import (
 from .arrays.detection.faults import (
     detect_faults as detect_faults,
 )
-from .arrays.detection.lasting_faults import (
+from .arrays.detection.healthy_motion import (
     HealthyMotion as HealthyMotion,
+)
+from .arrays.detection.healthy_motion import (
+    LastingFaultSettings as LastingFaultSettings,
+)
+from .arrays.detection.healthy_motion import (
+    learn_healthy_motion as learn_healthy_motion,
 )
 from .arrays.detection.lasting_faults import (
     LastingFaults as LastingFaults,
 )
 from .arrays.detection.lasting_faults import (
-    LastingFaultSettings as LastingFaultSettings,
-)
-from .arrays.detection.lasting_faults import (
     detect_lasting_faults as detect_lasting_faults,
-)
-from .arrays.detection.lasting_faults import (
-    learn_healthy_motion as learn_healthy_motion,
 )
 from .arrays.geometry import (
     Geometry as Geometry,
+)
+from .arrays.merit import (
+    FiguresOfMerit as FiguresOfMerit,
+)
+from .arrays.merit import (
+    figures_of_merit as figures_of_merit,
+)
+from .arrays.optimum import (
+    OptimalGeometry as OptimalGeometry,
+)
+from .arrays.optimum import (
+    optimize_geometry as optimize_geometry,
 )
 from .arrays.read import (
     read_array as read_array,
@@ -58,10 +73,10 @@ from .arrays.synthesis.volatility import (
     averaged_volatility as averaged_volatility,
 )
 from .curves.allan import (
-    AllanCurve as AllanCurve,
-)
-from .curves.allan import (
     allan_deviation as allan_deviation,
+)
+from .curves.allan_curve import (
+    AllanCurve as AllanCurve,
 )
 from .curves.autocorrelation import (
     AutocorrelationCurve as AutocorrelationCurve,
@@ -84,14 +99,14 @@ from .curves.wavelet_variance import (
 from .data.array import (
     ImuArray as ImuArray,
 )
-from .data.array import (
-    Mounting as Mounting,
-)
 from .data.gnss import (
     GnssRecording as GnssRecording,
 )
 from .data.imu import (
     ImuRecording as ImuRecording,
+)
+from .data.mounting import (
+    Mounting as Mounting,
 )
 from .data.trajectory import (
     Innovations as Innovations,
@@ -177,7 +192,7 @@ from .estimation.gmwm.replicates import (
 from .estimation.identification import (
     Identification as Identification,
 )
-from .estimation.joint_fit import (
+from .estimation.identify import (
     identify as identify,
 )
 from .estimation.maximum_likelihood import (
@@ -222,23 +237,33 @@ from .io.read import (
 from .io.read import (
     read_imu as read_imu,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.barometer import (
     Barometer as Barometer,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.general import (
+    AidedState as AidedState,
+)
+from .navigation.aiding.general import (
+    AidingState as AidingState,
+)
+from .navigation.aiding.general import (
+    MeasurementSource as MeasurementSource,
+)
+from .navigation.aiding.gnss import (
     CorrelatedGnss as CorrelatedGnss,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.gnss import (
+    GnssErrorModel as GnssErrorModel,
+)
+from .navigation.aiding.heading import (
     Heading as Heading,
 )
-from .navigation.aiding.attitude_sources import (
+from .navigation.aiding.magnetometer import (
     Magnetometer as Magnetometer,
 )
+from .navigation.aiding.options import GnssWeighting as GnssWeighting
 from .navigation.aiding.options import (
     MeasurementOptions as MeasurementOptions,
-)
-from .navigation.aiding.weighting import (
-    GnssWeighting as GnssWeighting,
 )
 from .navigation.error_models.catalogue import (
     ErrorModel as ErrorModel,
@@ -260,6 +285,9 @@ from .navigation.observability import (
 )
 from .navigation.observability import (
     observability as observability,
+)
+from .navigation.preparation.prepare import (
+    prepare as prepare,
 )
 from .navigation.streaming import (
     FilterState as FilterState,
@@ -288,6 +316,9 @@ from .noise.autoregressive import (
 from .noise.base import (
     Process as Process,
 )
+from .noise.base import (
+    ProcessSum as ProcessSum,
+)
 from .noise.drifts import (
     RandomWalk as RandomWalk,
 )
@@ -308,9 +339,6 @@ from .noise.gauss_markov import (
 )
 from .noise.noise_model import (
     NoiseModel as NoiseModel,
-)
-from .noise.sums import (
-    ProcessSum as ProcessSum,
 )
 from .noise.white import (
     Quantization as Quantization,
@@ -353,6 +381,8 @@ __version__: str
 
 __all__ = [
     "ARMA",
+    "AidedState",
+    "AidingState",
     "AllanCurve",
     "ArFit",
     "ArmaFit",
@@ -369,11 +399,13 @@ __all__ = [
     "ErrorModelComparison",
     "FaultDetection",
     "FaultSettings",
+    "FiguresOfMerit",
     "FilterState",
     "FosFit",
     "GarchFit",
     "GaussMarkov",
     "Geometry",
+    "GnssErrorModel",
     "GnssReceiver",
     "GnssRecording",
     "GnssWeighting",
@@ -389,6 +421,7 @@ __all__ = [
     "LastingFaults",
     "Magnetometer",
     "MeasurementOptions",
+    "MeasurementSource",
     "MethodComparison",
     "MethodIdentification",
     "Mounting",
@@ -398,6 +431,7 @@ __all__ = [
     "NoiseModel",
     "NoiseTuning",
     "Observability",
+    "OptimalGeometry",
     "OutageEvaluation",
     "PooledIdentification",
     "Process",
@@ -434,6 +468,7 @@ __all__ = [
     "error_models",
     "evaluate_outages",
     "fast_orthogonal_search",
+    "figures_of_merit",
     "find_jumps",
     "fit_ar",
     "fit_arma",
@@ -449,7 +484,9 @@ __all__ = [
     "navigate",
     "navigate_array",
     "observability",
+    "optimize_geometry",
     "power_spectral_density",
+    "prepare",
     "read_array",
     "read_gnss",
     "read_imu",
@@ -465,6 +502,7 @@ __all__ = [
     "synchronize",
     "synthesize",
     "tune_noise",
+    "undo_jumps",
     "wavelet_variance",
     "write_kalibr",
     "write_report",

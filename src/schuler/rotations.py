@@ -81,29 +81,6 @@ def euler_from_dcm(c_nb: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]
     return roll, pitch, yaw
 
 
-def quaternion_product(p: ArrayLike, q: ArrayLike) -> FloatArray:
-    """Return Hamilton's product p q; C(p q) = C(p) C(q)."""
-    a, b = _vectors(p, "quaternion", 4), _vectors(q, "quaternion", 4)
-    a, b = np.broadcast_arrays(a, b)
-    product = np.empty(a.shape)
-    product[..., 0] = a[..., 0] * b[..., 0] - np.sum(a[..., 1:] * b[..., 1:], axis=-1)
-    product[..., 1:] = (
-        a[..., :1] * b[..., 1:] + b[..., :1] * a[..., 1:] + np.cross(a[..., 1:], b[..., 1:])
-    )
-    return product
-
-
-def dcm_from_quaternion(quaternion: ArrayLike) -> FloatArray:
-    """Return the matrix of a quaternion, which is normalised first."""
-    q = _vectors(quaternion, "quaternion", 4)
-    length = np.linalg.norm(q, axis=-1, keepdims=True)
-    if not np.all(length > 0.0):
-        raise InputError("a quaternion of length zero", expected="a unit quaternion")
-    q = q / length
-    cross = skew(q[..., 1:])
-    return np.asarray(np.eye(3) + 2.0 * (q[..., :1, None] * cross + cross @ cross))
-
-
 def quaternion_from_dcm(c_nb: ArrayLike) -> FloatArray:
     """Return the quaternion of a rotation matrix, with scalar part not negative."""
     c = _matrices(c_nb)
@@ -122,13 +99,6 @@ def quaternion_from_dcm(c_nb: ArrayLike) -> FloatArray:
     q = np.take_along_axis(outer, largest[..., None, None], axis=-1)[..., 0]
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
-
-
-def quaternion_from_rotation_vector(rotation_vector: ArrayLike) -> FloatArray:
-    """Return the quaternion of a rotation vector."""
-    p = _vectors(rotation_vector, "rotation vector")
-    half = 0.5 * np.linalg.norm(p, axis=-1, keepdims=True)
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * p], axis=-1)
 
 
 def rotation_vector_from_quaternion(quaternion: ArrayLike) -> FloatArray:
@@ -170,18 +140,6 @@ def orthonormalize(matrix: ArrayLike) -> FloatArray:
     sign = np.ones(m.shape[:-1])
     sign[..., 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     return np.asarray((u * sign[..., None, :]) @ vt)
-
-
-def mean_rotation(rotations: ArrayLike, weights: ArrayLike | None = None) -> FloatArray:
-    """Return the chordal mean of rotations."""
-    c = _matrices(rotations)
-    w = np.ones(c.shape[0]) if weights is None else np.asarray(weights, dtype=np.float64)
-    if c.ndim != 3 or w.shape != (c.shape[0],):
-        raise InputError(
-            f"rotations of shape {c.shape} with weights of shape {w.shape}",
-            expected="(k, 3, 3) and (k,)",
-        )
-    return orthonormalize(np.einsum("k,kij->ij", w, c))
 
 
 def wahba(a: ArrayLike, b: ArrayLike, weights: ArrayLike | None = None) -> FloatArray:

@@ -140,8 +140,30 @@ def _tokens(unit: str) -> Iterator[tuple[str, str]]:
         place = match.end()
 
 
+_SCALED = re.compile(r"\s*(?P<factor>\d+\.?\d*(?:[eE][+-]?\d+)?)\s*\*?\s*(?P<unit>[^\d\s*/].*)$")
+_COUNTS = re.compile(
+    r"\s*(?:(?:LSB|counts?|digits?)\s*(?P<behind>\d+\.?\d*)"
+    r"|(?P<before>\d+\.?\d*)\s*(?:LSB|counts?|digits?))\s*(?:/|\bper\b)\s*(?P<unit>.+)$",
+    re.I,
+)
+
+
 def evaluate(unit: str) -> tuple[float, Dimension]:
-    """Return the SI value of one such unit and its dimension."""
+    """Return the SI value of one such unit and its dimension.
+
+    A unit may have a factor in front (``1e-7 deg``), or be counts (``LSB 16384/g``).
+    """
+    counts = _COUNTS.match(unit)
+    if counts is not None:
+        number = float(counts["behind"] or counts["before"])
+        factor, dimension = evaluate(counts["unit"])
+        if number <= 0.0:
+            raise UnitError(f"unit '{unit}' has {number:g} counts")
+        return factor / number, dimension
+    scaled = _SCALED.match(unit)
+    if scaled is not None:
+        factor, dimension = evaluate(scaled["unit"])
+        return float(scaled["factor"]) * factor, dimension
     tokens = list(_tokens(unit))
     factor, dimension, rest = _product(unit, tokens)
     if rest:

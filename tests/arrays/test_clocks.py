@@ -15,7 +15,7 @@ from schuler.arrays.clocks.resampling import resample
 from schuler.arrays.clocks.synchronization import synchronize
 from schuler.data import CHANNELS, ImuArray, ImuRecording
 from schuler.errors import EstimationError
-from schuler.kernels.viterbi import rare_changes
+from schuler.kernels.noise.viterbi import rare_changes
 from schuler.noise import NoiseModel, WhiteNoise
 from schuler.rotations import dcm_from_euler, rotation_vector_from_dcm
 

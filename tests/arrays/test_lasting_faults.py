@@ -10,11 +10,8 @@ import pytest
 
 from schuler.arrays.calibration.calibrate import calibrate_array
 from schuler.arrays.calibration.rows import mask_saturated
-from schuler.arrays.detection.lasting_faults import (
-    LastingFaultSettings,
-    detect_lasting_faults,
-    learn_healthy_motion,
-)
+from schuler.arrays.detection.healthy_motion import LastingFaultSettings, learn_healthy_motion
+from schuler.arrays.detection.lasting_faults import detect_lasting_faults
 from schuler.arrays.detection.window_offsets import CalibratedRates, window_offsets
 from schuler.arrays.read import read_array
 from schuler.data import ImuArray

@@ -181,5 +181,5 @@ def test_averaged_volatility_of_an_array_works_in_the_common_frame() -> None:
         averaged_volatility(array.select([1]))
     copied = gyro.copy()
     copied[:, 2] = copied[:, 0]
-    with pytest.raises(InputError, match=r"imu 3 are a copy of those of imu 1"):
+    with pytest.raises(InputError, match=r"imu 3 is a copy of imu 1"):
         averaged_volatility(ImuArray(array.time, copied, array.accel, Mounting.aligned(4)))

@@ -14,11 +14,8 @@ from outcome import Outcome
 from schuler.errors import SchulerError
 from schuler.io import read_sensor
 from schuler.io.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
-from schuler.navigation.aiding.attitude_sources import (
-    earth_field,
-    height_of_pressure,
-    pressure_per_height,
-)
+from schuler.navigation.aiding.barometer import height_of_pressure, pressure_per_height
+from schuler.navigation.aiding.magnetometer import earth_field
 from schuler.simulation import car_urban
 
 Call = Callable[..., Outcome]

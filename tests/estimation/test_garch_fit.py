@@ -22,7 +22,7 @@ from schuler.estimation.garch.conditional_variance import (
 from schuler.estimation.garch.fit import GarchFit, fit_garch
 from schuler.estimation.garch.likelihood import garch_slopes
 from schuler.estimation.garch.selection import select_garch
-from schuler.kernels.garch import arma_garch_slopes
+from schuler.kernels.noise.garch import arma_garch_slopes
 from schuler.noise.arma import ARMA
 
 W3 = {"alpha0": 1.3e-7, "alpha_1": 0.0175, "beta_1": 0.98}

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from schuler.errors import EstimationError, InputError, ModelError
-from schuler.estimation.curve_fit import free_parameters
 from schuler.estimation.gmwm.fit import fit_gmwm
-from schuler.estimation.gmwm.moments import with_logs
 from schuler.estimation.identification import Identification
 from schuler.estimation.identify import identify
 from schuler.estimation.maximum_likelihood import (
@@ -21,6 +19,7 @@ from schuler.estimation.maximum_likelihood import (
     _sampled_wavelet_variance,
     fit_maximum_likelihood,
 )
+from schuler.estimation.parts import free_parameters, with_logs
 from schuler.noise import (
     BiasInstability,
     GaussMarkov,

@@ -18,7 +18,7 @@ from schuler.estimation.innovation_floor import (
 )
 from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
 from schuler.estimation.prediction import compare_predictors, multi_step_ar
-from schuler.kernels.prediction import kalman_states
+from schuler.kernels.noise.prediction import kalman_states
 from schuler.noise import GaussMarkov, Process, RandomWalk, WhiteNoise
 from schuler.noise.autoregressive import Autoregressive
 

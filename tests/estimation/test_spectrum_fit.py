@@ -12,7 +12,7 @@ import pytest
 from schuler.curves.spectrum import power_spectral_density
 from schuler.errors import EstimationError, InputError, ModelError, SchulerError
 from schuler.estimation.comparison.pairs import compare_parameters
-from schuler.estimation.joint_fit import identify
+from schuler.estimation.identify import identify
 from schuler.estimation.spectrum.fit import fit_spectrum, identify_spectrum
 from schuler.estimation.spectrum.slopes import spectrum_slopes
 from schuler.noise import (

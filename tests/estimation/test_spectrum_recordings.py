@@ -10,7 +10,7 @@ import pytest
 from schuler.curves.autocorrelation import autocorrelation
 from schuler.estimation.comparison.pairs import compare_parameters
 from schuler.estimation.gauss_markov_correlation import fit_gauss_markov
-from schuler.estimation.joint_fit import identify
+from schuler.estimation.identify import identify
 from schuler.estimation.spectrum.fit import identify_spectrum
 from schuler.io import read_imu
 

@@ -13,15 +13,14 @@ import pytest
 from schuler.data import CHANNELS, GnssRecording, ImuRecording, NavigationSolution
 from schuler.earth import geodetic_from_ned, metres_per_radian
 from schuler.errors import SchulerError
-from schuler.evaluation.outages import (
-    OutageEvaluation,
+from schuler.evaluation.outage_windows import (
     OutageStatistics,
     OutageWindow,
     deal_windows,
-    evaluate_outages,
     judge_window,
     sweep_windows,
 )
+from schuler.evaluation.outages import OutageEvaluation, evaluate_outages
 from schuler.io import read_gnss, read_imu
 from schuler.navigation.navigate import navigate, withhold
 from schuler.noise import RandomWalk, WhiteNoise

@@ -18,7 +18,7 @@ def test_rtk_drive_with_the_vehicle(data_folder: Path) -> None:
     causal, smoothed = found.causal, found.smoothed
     # measured: 1.73 m and 0.23 m, 99 % and all inside 2 sigma; without the wheels 2.9 m and 0.28 m,
     # without the vehicle 15.3 m and 0.84 m. The standard deviations of the constraints come from
-    # the likelihood of what is outside the windows; the constants of aiding/wheel_speed.py were
+    # the likelihood of what is outside the windows; the constants of aiding/wheel.py were
     # set with the whole recording in sight.
     assert causal.mean_of_max_m < 2.4
     assert smoothed.mean_of_max_m < 0.4

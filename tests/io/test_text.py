@@ -123,13 +123,20 @@ def test_unix_time_tells_its_unit_by_its_size(tmp_path: Path, scale: float, unit
     assert f"time taken as {unit}: no unit is named" in imu.history
 
 
-def test_milliseconds_from_zero_must_be_named(tmp_path: Path) -> None:
+def test_unit_of_time_follows_from_the_rate_or_is_asked_for(tmp_path: Path) -> None:
     values = table()
     values[:, 0] *= 1e3
     path = write(tmp_path / "a.csv", values, ",".join(NAMES))
-    with pytest.raises(SchulerError, match=r"10 s apart.*time_unit='ms'"):
+    imu = read_imu(path)
+    assert imu.rate == pytest.approx(100.0)
+    assert "time taken as ms: no unit is named" in imu.assumptions
+    values[:, 0] *= 10.0  # steps of 100: 10 Hz in ms, 10 kHz in us
+    path = write(tmp_path / "b.csv", values, ",".join(NAMES))
+    with pytest.raises(
+        SchulerError, match=r"100 s apart; as ms 10 Hz, as us 1e\+04 Hz.*time_unit='ms'"
+    ):
         read_imu(path)
-    assert read_imu(path, time_unit="ms").rate == pytest.approx(100.0)
+    assert read_imu(path, time_unit="ms").rate == pytest.approx(10.0)
 
 
 def test_dates_and_gps_weeks(tmp_path: Path) -> None:

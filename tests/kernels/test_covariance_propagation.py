@@ -10,9 +10,14 @@ from numpy.typing import NDArray
 
 from schuler import earth
 from schuler.data import CHANNELS
-from schuler.kernels.covariance import navigation_rows, propagate_covariance
-from schuler.kernels.strapdown import strapdown_step
-from schuler.kernels.transition import accumulate_transition, reset_transition, sensor_transition
+from schuler.kernels.navigation.covariance import navigation_rows, propagate_covariance
+from schuler.kernels.navigation.filter_data import FilterState, Work
+from schuler.kernels.navigation.strapdown import strapdown_step
+from schuler.kernels.navigation.transition import (
+    accumulate_transition,
+    reset_transition,
+    sensor_transition,
+)
 from schuler.navigation.error_models.sensor_error_model import (
     FILTER_CHANNELS,
     SensorErrorModel,
@@ -34,7 +39,7 @@ PLACES = 264
 
 
 def dense_blocks(rows: Array, block: NDArray[np.int64]) -> Array:
-    """Matrix of the (m, w) layout of kernels/transition.py."""
+    """Matrix of the (m, w) layout of kernels/navigation/transition.py."""
     matrix = np.zeros((len(block), len(block)))
     for j, (first, size) in enumerate(block):
         matrix[j, first : first + size] = rows[j, :size]
@@ -265,24 +270,20 @@ def random_covariance(size: int, rng: np.random.Generator) -> Array:
 
 
 def propagated(covariance: Array, states: SensorErrorModel, stepped: Stepped, dt: float) -> Array:
-    result = covariance.copy()
-    transition, noise = discretised(states, dt)
-    flat = [np.zeros(k * PLACES) for k in (9, 6, 9, 9)]
-    propagate_covariance(
-        result,
-        dt,
-        stepped.rotation,
-        stepped.earth,
-        stepped.transport,
-        states.channel,
-        states.direction,
-        states.layout().block,
-        transition,
-        noise,
-        states.white_covariance,
-        *flat,
-    )
-    return result
+    layout = states.layout()
+    state = state_of(states, stepped, dt)
+    state.covariance[:] = covariance
+    propagate_covariance(state, layout, Work.of(layout), dt)
+    return state.covariance
+
+
+def state_of(states: SensorErrorModel, stepped: Stepped, dt: float) -> FilterState:
+    """A state at a step, with the sensor states discretised for it."""
+    state = FilterState.empty(states.size, 2, accumulating=True)
+    state.rotation[:], state.earth[:] = stepped.rotation, stepped.earth
+    state.transport[:] = stepped.transport
+    state.transition[:], state.noise[:] = discretised(states, dt)
+    return state
 
 
 def test_covariance_step_is_f_p_f_plus_q_in_dense_numpy() -> None:
@@ -350,29 +351,20 @@ def test_white_noise_of_a_step_is_the_spread_of_noisy_strapdown_steps(
 def test_accumulated_transition_is_the_product_of_the_steps() -> None:
     states = model()
     m, size = states.size, 9 + states.size
-    total, sensor = np.zeros(9 * PLACES), np.empty((m, 2))
-    block = states.layout().block
+    layout = states.layout()
+    block, work = layout.block, Work.of(layout)
+    kept = FilterState.empty(m, 2, accumulating=True)
+    total, sensor = kept.node_top, kept.node_sensor
     reset_transition(total, sensor, block)
     wanted = np.eye(size)
     _, _, output = dense_sensor_model(DT)
     for k, dt in enumerate((0.01, 0.02, 0.005, 0.01)):
         turned = vehicle(FAST.velocity, dcm_from_euler(0.3 * k, -0.4, 2.1 - k))
         stepped = step(turned, dt)
-        transition, _ = discretised(states, dt)
-        accumulate_transition(
-            total,
-            sensor,
-            dt,
-            stepped.rotation,
-            stepped.earth,
-            stepped.transport,
-            states.channel,
-            states.direction,
-            block,
-            transition,
-            np.zeros(6 * PLACES),
-            np.zeros(9 * PLACES),
-        )
+        now = state_of(states, stepped, dt)
+        now.node_top[:], now.node_sensor[:] = total, sensor
+        accumulate_transition(now, layout, work, dt)
+        total, sensor = now.node_top, now.node_sensor
         f = np.zeros((size, size))
         f[:9, :9] = linear_transition(stepped, dt)[:, :9]
         f[:9, 9:] = linear_transition(stepped, dt)[:, 9:] @ output

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from schuler import earth
-from schuler.kernels.constraint import constraint_model
-from schuler.kernels.strapdown import rotation_from_quaternion
-from schuler.kernels.update import feed_back
+from schuler.kernels.navigation.constraint import constraint_model
+from schuler.kernels.navigation.strapdown import rotation_from_quaternion
+from schuler.kernels.navigation.update import feed_back
 from schuler.rotations import (
     dcm_from_euler,
     dcm_from_rotation_vector,

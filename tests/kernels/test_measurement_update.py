@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from schuler import earth
-from schuler.kernels.update import (
+from schuler.kernels.navigation.update import (
     feed_back,
     innovation_statistics,
     measurement_model,

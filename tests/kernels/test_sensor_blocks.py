@@ -9,9 +9,10 @@ from scipy.signal import lfilter
 
 from schuler.data import CHANNELS
 from schuler.errors import ModelError
-from schuler.kernels.covariance import sensor_covariance
-from schuler.kernels.transition import move_sensor_states, raise_blocks, set_blocks
-from schuler.kernels.update import add_offset_states, linear_model
+from schuler.kernels.navigation.covariance import sensor_covariance
+from schuler.kernels.navigation.general_aiding import general_model
+from schuler.kernels.navigation.transition import move_sensor_states, raise_blocks, set_blocks
+from schuler.kernels.navigation.update import add_offset_states
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
 from schuler.noise import ARMA, Autoregressive, GaussMarkov, WhiteNoise
 from schuler.noise.base import Process
@@ -162,14 +163,16 @@ def test_linear_and_offset_states_have_the_derivatives_of_their_residuals() -> N
     rng = np.random.default_rng(4)
     matrix, truth, estimate = rng.standard_normal((3, 7)), *rng.standard_normal((2, 7))
     residual, design = np.empty(3), np.empty((3, 16))
-    linear_model(matrix @ truth, matrix, estimate, residual, design)
+    rows, place = np.hstack([np.zeros((3, 12)), matrix]), np.array([0.8, 0.1, 100.0])
+    still, turned = np.zeros(3), np.eye(3)
+    general_model(matrix @ truth, place, rows, place, still, turned, estimate, residual, design)
     # predicted minus measured; sensor states are true minus estimated
     np.testing.assert_allclose(residual, design[:, 9:] @ (truth - estimate), atol=1e-12)
     assert not design[:, :9].any()
     # errors that add to what is measured, to the first and third component here
     residual[:], design[:, :] = 0.0, 0.0
-    add_offset_states(np.array([4, -1, 6]), estimate, residual, design)
-    measured = np.array([truth[4], 0.0, truth[6]])
+    add_offset_states(np.array([4, -1, 6]), np.array([1.0, 2.0, 0.5]), estimate, residual, design)
+    measured = np.array([truth[4], 0.0, 0.5 * truth[6]])
     np.testing.assert_allclose(residual - measured, design[:, 9:] @ (truth - estimate), atol=1e-12)
     assert not residual[1]
     assert not design[1].any()

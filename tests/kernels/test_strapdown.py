@@ -137,7 +137,7 @@ def body_increment(rate: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def test_cubic_rates_and_forces_are_integrated_to_fourth_order() -> None:
-    from schuler.kernels.strapdown import coning_and_sculling
+    from schuler.kernels.navigation.strapdown import coning_and_sculling
 
     rng = np.random.default_rng(2)
     shape, pushed = cubic(rng, 1.0), cubic(rng, 10.0)
@@ -171,7 +171,7 @@ def test_cubic_rates_and_forces_are_integrated_to_fourth_order() -> None:
 
 
 def test_radii_and_gravity_are_those_of_the_earth_module() -> None:
-    from schuler.kernels.geodesy import gravity_down, radii_of_curvature
+    from schuler.kernels.navigation.geodesy import gravity_down, radii_of_curvature
 
     for latitude in np.radians([-89.0, -45.0, 0.0, 12.3, 60.0, 89.9]):
         sine = float(np.sin(latitude))

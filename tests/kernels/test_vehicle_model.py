@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from schuler.kernels.vehicle import standstill_model, vehicle_velocity_model
+from schuler.kernels.navigation.filter_data import (
+    FilterState,
+    Measurement,
+    Rules,
+    SensorModel,
+    Work,
+)
+from schuler.kernels.navigation.vehicle import (
+    vehicle_velocity_model,
+    zero_rate_model,
+    zero_velocity_model,
+)
 from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector
 
 Array = NDArray[np.float64]
@@ -52,32 +63,50 @@ class Case:
         return left
 
     def velocity(self) -> tuple[Array, Array]:
-        residual, design = np.empty(3), np.full((3, SIZE), np.nan)
-        vehicle_velocity_model(
-            VALUE,
-            VELOCITY + self.error[3:6],
-            self.rotation,
-            self.rate,
-            np.zeros(3),
-            FORCE + self.rotation.T @ GRAVITY,
-            CHANNEL,
-            DIRECTION,
-            STATES - self.error[9:],
-            FIRST,
-            NOMINAL,
-            residual,
-            design,
-            self.by_rate,
-        )
-        return residual, design
+        v = View(self.rotation, VELOCITY + self.error[3:6], STATES - self.error[9:])
+        found = v.velocity(VALUE, self.rate, FORCE + self.rotation.T @ GRAVITY)
+        self.by_rate[:] = v.work.vehicle.by_rate
+        return found
 
     def standstill(self, kind: int) -> tuple[Array, Array]:
-        residual, design = np.empty(3), np.full((3, SIZE), np.nan)
-        velocity = VELOCITY + self.error[3:6]
-        standstill_model(
-            kind, velocity, self.rotation, self.rate, CHANNEL, DIRECTION, residual, design
+        v = View(self.rotation, VELOCITY + self.error[3:6], STATES - self.error[9:])
+        v.z.body_rate[:] = self.rate
+        if kind == 3:
+            zero_velocity_model(v.state, v.z)
+        else:
+            zero_rate_model(v.state, v.model, v.work, v.z)
+        return v.z.residual, v.z.design
+
+
+class View:
+    """What the kernels are told: a state, and the sensors above."""
+
+    def __init__(self, rotation: Array, velocity: Array, states: Array) -> None:
+        m = CHANNEL.size
+        self.model = SensorModel(
+            channel=CHANNEL,
+            direction=DIRECTION,
+            scaled_by=np.full(m, -1),
+            block=np.column_stack([np.arange(m), np.ones(m, dtype=np.int64)]),
+            interval=np.zeros(m),
+            drift=np.zeros((m, 1)),
+            diffusion=np.zeros((m, 1)),
+            white=np.zeros((2, 3, 3)),
+            discrete=False,
+            modulated=False,
         )
-        return residual, design
+        self.rules = Rules(np.full(4, np.inf), np.zeros(9), 4, FIRST, NOMINAL, 1.0, 0.2, 0.05, 0.25)
+        self.state, self.work = FilterState.empty(m, 1, False), Work.of(self.model)
+        self.z = Measurement.empty(SIZE)
+        self.z.design[:] = np.nan
+        self.state.rotation[:], self.state.velocity[:] = rotation, velocity
+        self.state.sensor[:] = states
+
+    def velocity(self, value: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
+        seen = self.work.vehicle
+        self.z.value[:], seen.rate[:], seen.acceleration[:] = value, rate, acceleration
+        vehicle_velocity_model(self.state, self.model, self.rules, self.work, self.z)
+        return self.z.residual, self.z.design
 
 
 def derivative(kind: int) -> Array:
@@ -105,44 +134,13 @@ def test_the_velocity_in_vehicle_axes_is_that_of_rigid_motion() -> None:
 def test_a_car_that_drives_along_its_axis_shows_nothing_across() -> None:
     # forward from the mounting alone, rear axle under the IMU, no slip
     states = np.zeros(13)
-    residual, design = np.empty(3), np.empty((3, SIZE))
     velocity = ROTATION @ NOMINAL.T @ np.array([15.0, 0.0, 0.0])
     zero = np.zeros(3)
-    vehicle_velocity_model(
-        zero,
-        velocity,
-        ROTATION,
-        RATE,
-        zero,
-        zero,
-        CHANNEL,
-        DIRECTION,
-        states,
-        5,
-        NOMINAL,
-        residual,
-        design,
-        np.empty((3, 3)),
-    )
+    residual, _ = View(ROTATION, velocity, states).velocity(zero, RATE, zero)
     np.testing.assert_allclose(residual, [15.0, 0.0, 0.0], atol=1e-12)
     # an IMU believed to point 0.01 rad to the right of the car sees it slide to the left
     states[7] = 0.01
-    vehicle_velocity_model(
-        zero,
-        velocity,
-        ROTATION,
-        RATE,
-        zero,
-        zero,
-        CHANNEL,
-        DIRECTION,
-        states,
-        5,
-        NOMINAL,
-        residual,
-        design,
-        np.empty((3, 3)),
-    )
+    residual, _ = View(ROTATION, velocity, states).velocity(zero, RATE, zero)
     assert residual[1] == pytest.approx(0.15, rel=1e-3)
 
 

@@ -56,7 +56,7 @@ for label, s in (("causal", done.causal), ("smoothed", done.smoothed)):
         f"{label} sensors sd": s.sensor_errors_sd,
         f"{label} nis": s.innovations.nis,
     }
-from schuler.kernels.filter import run_filter
+from schuler.kernels.navigation.filter import run_filter
 values["compiled"] = np.array([float(hasattr(run_filter, "py_func"))])
 values["likelihood"] = np.array([done.causal.log_likelihood])
 np.savez(sys.argv[1], **values)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from twins import HEADING_SD, POSITION_SD, TILT_SD, VELOCITY_SD, with_noise
 
-from schuler.data import CHANNELS, GnssRecording
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import CHANNELS, GnssRecording, ImuArray, Mounting
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.mechanizations.array_model import (
     fused_model,
@@ -21,6 +20,7 @@ from schuler.navigation.mechanizations.array_preparation import PreparedArray
 from schuler.navigation.mechanizations.array_recording import fused_recording
 from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.navigation.settings import NavigationSettings
 from schuler.noise import GaussMarkov, RandomWalk, WhiteNoise
 from schuler.noise.noise_model import NoiseModel
 from schuler.rotations import dcm_from_rotation_vector
@@ -116,6 +116,6 @@ def prepare_twin(
     model, _ = fused_model(models, fusion)
     setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), alignment, ANTENNA - fusion.centre)
     return PreparedArray(
-        array, fused_recording(array, fusion), fusion, models, tuple(noises), setup, ANTENNA,
-        None, None, (),
+        array, fused_recording(array, fusion), fusion, models, tuple(noises), setup,
+        NavigationSettings(lever_arm=ANTENNA),
     )  # fmt: skip

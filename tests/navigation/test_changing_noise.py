@@ -22,6 +22,7 @@ from schuler.navigation.error_models.changing_noise import (
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.run import run
+from schuler.navigation.settings import NavigationSettings
 from schuler.noise import NoiseModel, RandomWalk, TurnOnBias, WhiteNoise
 from schuler.simulation import car_urban, ideal_imu
 
@@ -155,11 +156,18 @@ def test_a_filter_that_follows_the_noise_is_better() -> None:
         drawn = draw(twin, rng)
         noise, scale = garch_noise(drawn.imu.size, rng)
         imu = recording(noise, drawn.imu)
-        setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
+        setup = RunSetup(
+            model,
+            NoiseFactors.none(),
+            TimeOffsets(),
+            drawn.alignment,
+            np.zeros(3),
+            settings=NavigationSettings(false_alarm=0.0),
+        )
         truth = profile.trajectory(imu.time[3000::50]).velocity
         rows = []
         for how in (None, averaged_noise(DT, reference=USUAL).white_scale(imu), scale):
-            done = run(imu, drawn.gnss, setup, false_alarm=0.0, white_scale=how).causal
+            done = run(imu, drawn.gnss, setup, white_scale=how).causal
             off = np.linalg.norm(done.trajectory.velocity[3000::50] - truth, axis=1)
             rows.append((done.log_likelihood, float(np.sqrt(np.mean(off**2)))))
         likelihood.append([r[0] for r in rows])

@@ -13,7 +13,7 @@ import pytest
 from twins import LEVER, NOISE, draw_twin, navigation_errors, perfect
 
 from schuler.data import CHANNELS
-from schuler.navigation.aiding.gnss import VELOCITY
+from schuler.navigation.aiding.schedule import VELOCITY
 from schuler.navigation.engine import FilterRun, gate_thresholds, run_engine
 from schuler.navigation.run import run
 from schuler.noise import RandomWalk, WhiteNoise

@@ -327,7 +327,7 @@ REAL_OFFSETS = (0.263, 0.133)
 def a_real_drive(folder: Path) -> tuple[ImuRecording, GnssRecording, NavigationSolution]:
     """The recording rtk-drive, and its smoothed solution without faults."""
     from schuler.io import read_gnss, read_imu
-    from schuler.navigation.error_models.generic_noise import generic_noise_model
+    from schuler.navigation.error_models.sensor_error_model import generic_noise_model
 
     imu, gnss = read_imu(folder / "rtk-drive"), read_gnss(folder / "rtk-drive")
     whole = navigate(
@@ -348,7 +348,7 @@ def a_real_drive(folder: Path) -> tuple[ImuRecording, GnssRecording, NavigationS
 def test_faults_in_a_real_drive_are_seen_and_outlived(
     data_folder: Path, fault: DropOut | TimeJump | StuckFault, kinds: set[str]
 ) -> None:
-    from schuler.navigation.error_models.generic_noise import generic_noise_model
+    from schuler.navigation.error_models.sensor_error_model import generic_noise_model
 
     imu, gnss, whole = a_real_drive(data_folder)
     begin = float(imu.time[0])
@@ -373,7 +373,7 @@ def test_faults_in_a_real_drive_are_seen_and_outlived(
 
 
 def test_reversed_axes_of_a_real_drive_are_named(data_folder: Path) -> None:
-    from schuler.navigation.error_models.generic_noise import generic_noise_model
+    from schuler.navigation.error_models.sensor_error_model import generic_noise_model
 
     imu, gnss, _ = a_real_drive(data_folder)
     for channel, said in (("accel", "--flip accel"), ("gyro_x", "--flip gyro_x")):
@@ -390,9 +390,9 @@ def test_reversed_axes_of_a_real_drive_are_named(data_folder: Path) -> None:
 
 def test_every_measurement_has_its_row_though_a_break_lets_some_go() -> None:
     from schuler.navigation.engine import gate_thresholds
+    from schuler.navigation.innovation_likelihood import slower_imu
     from schuler.navigation.preparation.prepare import prepare
-    from schuler.navigation.segments import run_in_pieces
-    from schuler.navigation.tuning.likelihood import slower_imu
+    from schuler.navigation.segments import run_in_segments
 
     imu, gnss = a_drive(3)
     broken = faulty(imu, DropOut(start=120.02, duration=40.0))
@@ -401,7 +401,7 @@ def test_every_measurement_has_its_row_though_a_break_lets_some_go() -> None:
     cut, setup = prepare(broken, gnss, NOISE, lever_arm=LEVER, time_offset=-0.015)
     slow = slower_imu(cut)
     schedule = setup.schedule(slow, gnss)
-    done = run_in_pieces(
+    done = run_in_segments(
         slow,
         setup.initial_state(slow, gnss),
         setup.restarts(gnss),

@@ -9,10 +9,10 @@ import pytest
 from test_smoother import a_drive_with_an_outage
 
 from schuler.errors import InputError
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import FilterRun, gate_thresholds, run_engine
 from schuler.navigation.lagged import lag_horizons, smooth_run_with_lag
-from schuler.navigation.segments import run_in_pieces
+from schuler.navigation.segments import run_in_segments
 from schuler.navigation.smoother import SmoothedRun, smooth_run
 
 LAG = 4.0
@@ -111,7 +111,7 @@ def test_a_restart_ends_what_a_lag_may_see() -> None:
         rotation=done.samples.rotation[k],
     )
     options = {"gate": gate_thresholds(0.0)}
-    pieces = run_in_pieces(IMU, start, [(begin, again)], SETUP.model, SCHEDULE, **options)
+    pieces = run_in_segments(IMU, start, [(begin, again)], SETUP.model, SCHEDULE, **options)
     assert len(pieces.pieces) == 2
     found = lagged(pieces).samples
     first = replace(

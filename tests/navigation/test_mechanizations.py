@@ -15,11 +15,11 @@ from array_twins import ArrayTwin, draw_array, mems, one_state
 from twins import navigation_errors
 
 from schuler.arrays.geometry import orthogonal_mounting, tetrahedron_mounting
-from schuler.data.array import Mounting
+from schuler.data import Mounting
+from schuler.navigation.aiding.parity import Parity
 from schuler.navigation.engine import FilterRun, gate_thresholds, run_engine
 from schuler.navigation.mechanizations.array_model import extended_model, fused_model
 from schuler.navigation.mechanizations.navigate_array import MECHANIZATIONS, run_mechanization
-from schuler.navigation.mechanizations.parity import Parity
 from schuler.navigation.mechanizations.stacked import RigidBody, default_weight, run_stack
 from schuler.navigation.navigate import withhold
 from schuler.rotations import dcm_from_rotation_vector, rotation_vector_from_dcm

@@ -11,8 +11,7 @@ from array_twins import ANTENNA, mems
 from twins import navigation_errors
 
 from schuler.arrays.geometry import tetrahedron_mounting
-from schuler.data import GnssRecording
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import GnssRecording, ImuArray, Mounting
 from schuler.errors import InputError
 from schuler.navigation.mechanizations.navigate_array import navigate_array
 from schuler.navigation.navigate import navigate
@@ -127,10 +126,7 @@ def test_what_cannot_be_done_is_said() -> None:
 
 def test_a_single_imu_is_what_navigate_makes_of_it() -> None:
     _, array, gnss = ride()
-    aligned = ImuArray(
-        array.time, array.gyro, array.accel,
-        Mounting(np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3))), array.names,
-    )  # fmt: skip
+    aligned = replace(array.in_body(), mounting=Mounting.aligned(4))
     one = navigate_array(
         aligned, gnss, mems(0.3), mechanization="single", imu=2, lever_arm=ANTENNA, time_offset=0.0
     )

@@ -13,7 +13,7 @@ from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
 from schuler.navigation.navigate import navigate
 from schuler.navigation.preparation.alignment import align
-from schuler.navigation.preparation.time_offsets import end_of_enough_motion, velocity_lag
+from schuler.navigation.tuning.likelihood import end_of_enough_motion, velocity_lag
 from schuler.noise.noise_model import NoiseModel
 from schuler.rotations import dcm_from_euler, rotation_vector_from_dcm
 from schuler.simulation import Profile, car_urban, simulate_gnss

@@ -12,6 +12,7 @@ from array_twins import draw_array, mems, one_state
 
 from schuler.arrays.geometry import tetrahedron_mounting
 from schuler.errors import InputError
+from schuler.navigation.aiding.parity import parity_rows
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import (
@@ -19,7 +20,6 @@ from schuler.navigation.mechanizations.array_model import (
     fusion_of,
     without_idle_states,
 )
-from schuler.navigation.mechanizations.parity import parity_rows
 from schuler.navigation.observability import (
     Observability,
     Segment,
@@ -105,7 +105,7 @@ def test_the_system_matrix_is_that_of_the_filter() -> None:
     # one step of the filter's covariance kernel against expm(F dt), by its own rows
     from scipy.linalg import expm
 
-    from schuler.kernels.covariance import navigation_rows
+    from schuler.kernels.navigation.covariance import navigation_rows
 
     segment = Segment(np.array([1.0, -2.0, -9.0]), dcm_from_euler(0.2, -0.3, 1.0), 0.01,
                       np.array([3e-5, 1e-5, -4e-5]))  # fmt: skip

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from twins import GYRO, draw_twin, navigation_errors, perfect
 
 from schuler.data import CHANNELS, ImuRecording
-from schuler.navigation.aiding.gnss import (
+from schuler.navigation.aiding.schedule import (
     POSITION,
     AidingSchedule,
     linear_measurements,

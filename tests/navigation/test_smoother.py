@@ -10,8 +10,8 @@ from twins import NOISE, draw_twin, navigation_errors, perfect
 
 from schuler import earth
 from schuler.data import GnssRecording, ImuRecording
-from schuler.kernels.smoother import smooth_nodes
-from schuler.navigation.aiding.gnss import POSITION, VELOCITY, AidingSchedule
+from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_nodes
+from schuler.navigation.aiding.schedule import POSITION, VELOCITY, AidingSchedule
 from schuler.navigation.engine import FilterRun, InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
 from schuler.navigation.error_models.sensor_states import no_sensor_states
@@ -93,28 +93,10 @@ def test_the_smoother_is_rauch_tung_striebel() -> None:
     assert (model.partner >= 0).sum() == 4
     assert [b.size for b in model.blocks] == [3]
     wanted_error, wanted_covariance = rauch_tung_striebel(run, model)
-    error = np.empty_like(wanted_error)
-    position = np.empty((nodes.size, 3, 3))
-    variance = np.empty_like(wanted_error)
-    states = 9 + model.size
-    smooth_nodes(
-        0,
-        nodes.size,
-        np.zeros(states),
-        np.zeros((states, states)),
-        nodes.covariance,
-        nodes.top,
-        nodes.transition,
-        nodes.aid,
-        model.layout().block,
-        aiding.accepted,
-        aiding.row,
-        aiding.gain,
-        aiding.scalar,
-        error,
-        position,
-        variance,
-    )
+    smoothed = Smoothed.zeros(nodes.size, 9 + model.size)
+    block, adjoint = model.layout().block, Adjoint.zero(9 + model.size)
+    smooth_nodes(0, nodes.size, nodes, aiding, block, adjoint, smoothed)
+    error, position, variance = smoothed.error, smoothed.position, smoothed.variance
     wanted_variance = np.diagonal(wanted_covariance, axis1=1, axis2=2)
     np.testing.assert_allclose(variance, wanted_variance, rtol=1e-6)
     size = np.abs(wanted_error).max(axis=0)

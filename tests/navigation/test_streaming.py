@@ -11,7 +11,7 @@ from twins import ACCEL, GYRO, LEVER, Twin, draw_twin, navigation_errors, perfec
 
 from schuler.data import CHANNELS
 from schuler.errors import InputError, NavigationError
-from schuler.navigation.aiding.gnss import (
+from schuler.navigation.aiding.schedule import (
     VELOCITY,
     AidingSchedule,
     linear_measurements,

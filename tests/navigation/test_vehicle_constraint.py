@@ -17,7 +17,7 @@ from vehicle_twins import ARM, MOUNTING, NOISE, Ride, draw_vehicle, ride
 from schuler.data import GnssRecording
 from schuler.errors import SchulerError
 from schuler.evaluation.outages import evaluate_outages
-from schuler.navigation.aiding.gnss import VEHICLE_VELOCITY
+from schuler.navigation.aiding.schedule import VEHICLE_VELOCITY
 from schuler.navigation.engine import NO_VEHICLE, gate_thresholds, run_engine
 from schuler.navigation.navigate import navigate, withhold
 from schuler.navigation.preparation.mounting import estimate_mounting

@@ -10,7 +10,8 @@ from twins import perfect
 from vehicle_twins import Ride, VehicleTwin, draw_vehicle, mounted, ride
 
 from schuler.data import ImuRecording, NavigationSolution
-from schuler.navigation.aiding.vehicle import VehicleConstraint, detect_standstill
+from schuler.navigation.aiding.standstill import detect_standstill
+from schuler.navigation.aiding.vehicle import VehicleConstraint
 from schuler.navigation.navigate import withhold
 from schuler.navigation.run import run
 from schuler.simulation import Manoeuvre, drive

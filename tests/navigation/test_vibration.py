@@ -9,7 +9,7 @@ import pytest
 from twins import LEVER, perfect
 
 from schuler.data import ImuRecording
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_states import no_sensor_states
 from schuler.navigation.navigate import navigate

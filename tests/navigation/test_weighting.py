@@ -17,18 +17,13 @@ from twins import LEVER, Twin, draw_twin, navigation_errors, perfect
 from schuler import earth
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
-from schuler.kernels.attitude_aiding import heading_model, magnetic_model
-from schuler.navigation.aiding.attitude_sources import (
-    Barometer,
-    CorrelatedGnss,
-    Heading,
-    Magnetometer,
-    StatefulAiding,
-    earth_field,
-    height_of_pressure,
-)
-from schuler.navigation.aiding.options import MeasurementOptions
-from schuler.navigation.aiding.weighting import GnssWeighting
+from schuler.kernels.navigation.attitude_aiding import heading_model, magnetic_model
+from schuler.navigation.aiding.barometer import Barometer, height_of_pressure
+from schuler.navigation.aiding.gnss import CorrelatedGnss
+from schuler.navigation.aiding.heading import Heading
+from schuler.navigation.aiding.magnetometer import Magnetometer, earth_field
+from schuler.navigation.aiding.options import GnssWeighting, MeasurementOptions
+from schuler.navigation.aiding.schedule import PlacedAiding
 from schuler.navigation.run import run
 from schuler.rotations import dcm_from_rotation_vector
 from schuler.simulation import Profile, antenna_motion, car_urban, simulate_gnss
@@ -88,7 +83,7 @@ HEADING_OFFSET = np.radians(3.0)
 FIELD = earth_field(np.radians(4.0), np.radians(63.0), 48.0)
 
 
-def source_of(kind: str, seed: int) -> tuple[StatefulAiding, Array]:
+def source_of(kind: str, seed: int) -> tuple[PlacedAiding, Array]:
     """A sensor with errors drawn from its own prior, and the true values of its states."""
     rng = np.random.default_rng(1000 + seed)
     profile, _ = a_drive()

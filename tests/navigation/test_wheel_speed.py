@@ -11,8 +11,8 @@ from vehicle_twins import Ride, VehicleTwin, draw_vehicle, ride
 
 from schuler.data import ImuRecording, NavigationSolution
 from schuler.errors import SchulerError
-from schuler.navigation.aiding.gnss import VEHICLE_VELOCITY
-from schuler.navigation.aiding.wheel_speed import WheelSpeeds, find_wheel_speeds
+from schuler.navigation.aiding.schedule import VEHICLE_VELOCITY
+from schuler.navigation.aiding.wheel import WheelSpeeds, find_wheel_speeds
 from schuler.navigation.engine import gate_thresholds
 from schuler.navigation.navigate import navigate, withhold
 from schuler.navigation.run import run

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from twins import navigation_errors, perfect
 
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import FilterRun, InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
 from schuler.noise import GaussMarkov, RandomWalk, TurnOnBias, WhiteNoise

@@ -175,11 +175,11 @@ def test_long_clusters_see_white_noise_and_the_sum_sees_the_same() -> None:
 
 
 def test_prediction_floor() -> None:
-    assert kolmogorov_szego(TABLE_1, DT) == pytest.approx(1.0, rel=1e-8)
+    assert kolmogorov_szego(TABLE_1.sampled_psd, DT) == pytest.approx(1.0, rel=1e-8)
     # a zero outside the circle is worth its mirror: variance times its square
     outside = ARMA((0.5,), (-2.0,), 1.0, DT)
     assert outside.innovation_variance(DT) == pytest.approx(4.0)
-    assert kolmogorov_szego(outside, DT) == pytest.approx(4.0, rel=1e-8)
+    assert kolmogorov_szego(outside.sampled_psd, DT) == pytest.approx(4.0, rel=1e-8)
 
 
 def test_simulation_is_stationary_from_the_first_sample() -> None:

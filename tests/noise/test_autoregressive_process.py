@@ -135,7 +135,7 @@ def test_innovation_floor_is_the_driving_variance(process: Autoregressive) -> No
 def test_innovation_variance_at_a_multiple_is_the_spectral_floor() -> None:
     process = PROCESSES["slow"]
     found = process.innovation_variance(5 * DT)
-    assert found == pytest.approx(kolmogorov_szego(process, 5 * DT), rel=1e-8)
+    assert found == pytest.approx(kolmogorov_szego(process.sampled_psd, 5 * DT), rel=1e-8)
 
 
 def test_simulation_starts_stationary_and_decimates() -> None:

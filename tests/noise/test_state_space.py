@@ -123,7 +123,7 @@ def test_innovation_variance_is_that_of_the_steady_kalman_filter(process: Proces
     ids=lambda p: p.kind,
 )
 def test_closed_innovation_variances_agree_with_the_spectral_floor(process: Process) -> None:
-    floor = kolmogorov_szego(process, 0.01)
+    floor = kolmogorov_szego(process.sampled_psd, 0.01)
     assert process.innovation_variance(0.01) == pytest.approx(floor, rel=1e-9)
 
 

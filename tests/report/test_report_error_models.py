@@ -9,7 +9,7 @@ import pytest
 
 from schuler.data import CHANNELS
 from schuler.evaluation.error_model_comparison import ErrorModelComparison, ModelOutages
-from schuler.evaluation.outages import OutageStatistics, OutageWindow
+from schuler.evaluation.outage_windows import OutageStatistics, OutageWindow
 from schuler.navigation.error_models.catalogue import ErrorModel
 from schuler.noise import NoiseModel, WhiteNoise
 from schuler.report import FigureGrid, Table, render_report

@@ -1,61 +1,244 @@
-"""Whether the IMUs of an array have been turned into one set of axes: all must feel one gravity.
+"""Whether the axes of an array's IMUs are what its mounting says: rates and gravity must agree.
 
-What is compared in wrong axes looks like faults of all sensors at once. Where gravity points tells
-before anything is compared; turns about gravity itself stay hidden.
+What is compared in wrong axes looks like faults of all sensors at once, and what is fused in them
+is wrong in silence. Where the array turns, the rates of any two IMUs show how they are turned
+against each other; where it rests, gravity shows it but for turns about gravity itself.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from schuler.data import ImuArray
-from schuler.errors import InputError
-from schuler.types import FloatArray
+from schuler.errors import EstimationError, InputError
+from schuler.types import BoolArray, FloatArray
 
-# means of so many seconds are compared
-BLOCK = 1.0
-# nobody mounts two IMUs further apart than this by accident (rad)
-LARGEST_ANGLE = float(np.radians(20.0))
+if TYPE_CHECKING:
+    from schuler.arrays.calibration.rotation import RelativeRotation
+
+RATE_BLOCK, FORCE_BLOCK = 0.25, 1.0
+"""Seconds over which rates and forces are averaged: vibration and timing leave nothing then."""
+SMALLEST_TURN = float(np.radians(3.0))
+"""Turns between rates below this are left to calibration."""
+DEVIATIONS = 4.0
+"""Standard deviations of a turn that it must exceed."""
+EXPLAINED = 0.7
+"""Of the disagreement of two gyros, what a turn must leave at most to be its cause."""
+LARGEST_ANGLE = float(np.radians(10.0))
+"""Between gravity in two IMUs: biases of 0.1 g in both do not make more."""
+NORM_TOLERANCE = 0.1
+"""A force that is as long as that of the others to this share is not broken, but turned."""
+LIVELY = 0.75
+"""Share of the means that is too calm to tell what turns explain."""
+GRAVITY = (8.8, 10.8)
+"""Median length of a specific force in which gravity can be recognised, m/s²."""
+MOST_ROWS = 20_000
+"""Means that are enough to find how IMUs are turned."""
 
 
-def gravity_angles(array: ImuArray) -> FloatArray:
-    """Angles between what the accelerometers of any two IMUs feel, medians over the recording."""
-    force = array.in_body().accel
-    block = max(round(BLOCK * array.rate), 1)
-    count = max(force.shape[0] // block, 1)
-    whole = force[: count * block].reshape(count, -1, *force.shape[1:])
-    mean = whole.mean(axis=1)
-    length = np.linalg.norm(mean, axis=2, keepdims=True)
-    felt = np.where(length > 1.0, mean / np.where(length > 1.0, length, 1.0), np.nan)
-    angles = np.full((array.count, array.count), np.nan)
-    for i in range(array.count):
-        for j in range(array.count):
+@dataclass(frozen=True, slots=True, eq=False)
+class AxesCheck:
+    """What rates and gravity say of the axes of an array.
+
+    Parameters
+    ----------
+    reference : int
+        IMU with which most others agree.
+    turn : (k, 3, 3) ndarray
+        Rotation that takes the rates of each IMU, turned by its mounting, into those of the
+        reference; NaN where the motion does not show it.
+    turned : (k,) ndarray of bool
+        IMUs whose axes are not where the mounting says.
+    broken : (k,) ndarray of bool
+        IMUs whose accelerometer contradicts the others without being turned.
+    gravity_angle : (k,) ndarray
+        Between gravity in each IMU and in the reference, rad; NaN where it is not seen.
+    force : (k,) ndarray
+        Median length of the specific force of each, m/s².
+    """
+
+    reference: int
+    turn: FloatArray
+    turned: BoolArray
+    broken: BoolArray
+    gravity_angle: FloatArray
+    force: FloatArray
+
+
+def check_axes(array: ImuArray) -> AxesCheck:
+    """Compare rates and gravity of all IMUs of an array."""
+    body = array.in_body()
+    rates = _means(body.gyro, body.rate, RATE_BLOCK)
+    forces = _means(body.accel, body.rate, FORCE_BLOCK)
+    force = np.array([_median(np.linalg.norm(forces[:, i], axis=1)) for i in range(array.count)])
+    turn, known, apart = _turns(rates)
+    angles = _gravity_angles(forces)
+    far = np.nan_to_num(angles) > LARGEST_ANGLE
+    agreeing = (~(apart | far)).sum(axis=1)
+    reference = int(np.argmax(agreeing))
+    seen = (force > GRAVITY[0]) & (force < GRAVITY[1])
+    length = force[reference] if seen[reference] else np.nan
+    with np.errstate(invalid="ignore"):
+        off = np.abs(force / length - 1.0) > NORM_TOLERANCE
+    stranger = far[reference]
+    # rates that agree say that it is the accelerometer
+    turned = apart[reference] | (stranger & ~off & ~known[reference])
+    broken = (stranger | off) & ~turned
+    relative = np.swapaxes(turn[reference], 0, 1) @ turn if known.any() else turn
+    return AxesCheck(reference, relative, turned, broken, angles[reference], force)
+
+
+def require_common_axes(array: ImuArray, *, broken_may_pass: bool = False) -> None:
+    """Raise when the axes of an array are not what its mounting says.
+
+    An accelerometer that contradicts the others is refused too, unless `broken_may_pass`: to say
+    which one it is, is what fault detection is for.
+    """
+    if array.count < 2:
+        return
+    found = check_axes(array)
+    if found.turned.any():
+        raise _turned_error(array, found)
+    several = np.count_nonzero(found.broken) > 1 or array.count == 2
+    if found.broken.any() and not (broken_may_pass and not several):
+        raise _broken_error(array, found)
+
+
+def _means(vectors: FloatArray, rate: float, seconds: float) -> FloatArray:
+    """Means over blocks, (m, k, 3); NaN where a value is missing."""
+    n, k = vectors.shape[:2]
+    block = min(max(round(seconds * rate), 1), n)
+    block *= -(-n // (block * MOST_ROWS))
+    whole = vectors[: n // block * block].reshape(-1, block, k, 3)
+    return np.asarray(whole.mean(axis=1))
+
+
+def _median(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def _turns(rates: FloatArray) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Rotation of each IMU against a base, and which pairs are known and are turned."""
+    k = rates.shape[1]
+    turn = np.full((k, 3, 3), np.nan)
+    known, apart = np.zeros((k, k), dtype=bool), np.zeros((k, k), dtype=bool)
+    speed = np.linalg.norm(rates, axis=2)
+    whole = np.isfinite(speed).all(axis=1)
+    if np.count_nonzero(whole) < 10:
+        return turn, known, apart
+    # the length of the rate knows nothing of axes: the base is the most ordinary gyro
+    level = np.median(speed[whole], axis=1, keepdims=True)
+    base = int(np.argmin(np.median(np.abs(speed[whole] - level), axis=0)))
+    fits = [_aligned(rates[whole, base], rates[whole, i]) for i in range(k)]
+    for i in range(k):
+        for j in range(k):
+            first, second = fits[i], fits[j]
+            if i == j or first is None or second is None:
+                continue
+            variance = first.covariance * (i != base) + second.covariance * (j != base)
+            between = first.rotation.T @ second.rotation
+            known[i, j], apart[i, j] = _judged(between, variance, rates[whole, i], rates[whole, j])
+    for i, fit in enumerate(fits):
+        if fit is not None:
+            turn[i] = fit.rotation
+    return turn, known, apart
+
+
+def _aligned(first: FloatArray, second: FloatArray) -> RelativeRotation | None:
+    from schuler.arrays.calibration.rotation import align_rates
+
+    try:
+        found = align_rates(first, second)
+    except EstimationError:
+        return None
+    return None if len(found.unseen) else found
+
+
+def _judged(
+    turn: FloatArray, variance: FloatArray, first: FloatArray, second: FloatArray
+) -> tuple[bool, bool]:
+    """Whether the turn between two IMUs is known, and whether it is real."""
+    from schuler.rotations import rotation_vector_from_dcm
+
+    vector = rotation_vector_from_dcm(turn)
+    angle = float(np.linalg.norm(vector))
+    deviation = float(np.sqrt(np.linalg.eigvalsh(variance)[-1]))
+    # constant differences are biases, and what is left after a turn may be scale or a fault
+    a, b = first - np.median(first, axis=0), second - np.median(second, axis=0)
+    length = np.linalg.norm(a, axis=1)
+    rows = length >= np.quantile(length, LIVELY)
+    before, after = _length(a[rows] - b[rows]), _length(a[rows] - b[rows] @ turn.T)
+    real = angle > max(SMALLEST_TURN, DEVIATIONS * deviation) and after < EXPLAINED * before
+    return DEVIATIONS * deviation < LARGEST_ANGLE, real
+
+
+def _length(vectors: FloatArray) -> float:
+    return float(np.median(np.linalg.norm(vectors, axis=1)))
+
+
+def _gravity_angles(forces: FloatArray) -> FloatArray:
+    """Median angles between what the accelerometers of any two IMUs feel, (k, k) rad."""
+    length = np.linalg.norm(forces, axis=2, keepdims=True)
+    felt = np.where(length > 1.0, forces / np.where(length > 1.0, length, 1.0), np.nan)
+    k = forces.shape[1]
+    angles = np.zeros((k, k))
+    for i in range(k):
+        for j in range(i):
             across = np.linalg.norm(np.cross(felt[:, i], felt[:, j]), axis=1)
             angle = np.arctan2(across, np.sum(felt[:, i] * felt[:, j], axis=1))
-            angle = angle[np.isfinite(angle)]
-            if angle.size:
-                angles[i, j] = np.median(angle)
+            angles[i, j] = angles[j, i] = _median(angle)
     return angles
 
 
-def require_common_axes(array: ImuArray) -> None:
-    """Refuse an array in which IMUs feel gravity in different directions.
+def _turned_error(array: ImuArray, found: AxesCheck) -> InputError:
+    said = ", ".join(_angle_said(array, found, int(i)) for i in np.flatnonzero(found.turned))
+    mounting = ""
+    if np.isfinite(found.turn).all():
+        each = found.turn @ array.mounting.rotation
+        mounting = "; the rates say --mount=" + " --mount=".join(_euler_text(c) for c in each)
+    return InputError(
+        f"IMUs are not turned as the mounting says, seen from {array.names[found.reference]}: "
+        f"{said}",
+        expected="axes in which all feel one rate and one gravity",
+        cure="write a mounting.yaml beside the files, give --mount of navigate for each IMU, or "
+        f"let schuler calibrate find it and give its file as --calibration{mounting}",
+    )
 
-    One IMU alone that differs from several others may be broken, which is for fault detection to
-    say; so it passes here.
-    """
-    angles = gravity_angles(array)
-    apart = angles > LARGEST_ANGLE
-    agreeing = (~apart & np.isfinite(angles)).sum(axis=1)
-    reference = int(np.argmax(agreeing))
-    strangers = np.flatnonzero(apart[reference])
-    if strangers.size == 0 or (strangers.size == 1 and array.count > 2):
-        return
-    worst = int(strangers[np.argmax(angles[reference, strangers])])
-    away = float(np.degrees(angles[reference, worst]))
-    raise InputError(
-        f"{strangers.size} of {array.count} IMUs feel gravity in another direction than "
-        f"{array.names[reference]}; {array.names[worst]} is {away:.0f} deg away",
-        expected="IMUs turned into the axes of one body",
-        cure="find how they are turned with schuler calibrate, and give its file as --calibration",
+
+def _angle_said(array: ImuArray, found: AxesCheck, imu: int) -> str:
+    from schuler.rotations import rotation_vector_from_dcm
+
+    if np.isfinite(found.turn[imu]).all():
+        turn = np.degrees(np.linalg.norm(rotation_vector_from_dcm(found.turn[imu])))
+        return f"rates of {array.names[imu]} by {turn:.1f} deg"
+    return f"gravity in {array.names[imu]} by {np.degrees(found.gravity_angle[imu]):.0f} deg"
+
+
+def _euler_text(rotation: FloatArray) -> str:
+    from schuler.rotations import euler_from_dcm, orthonormalize
+
+    angles = [float(np.degrees(a)) for a in euler_from_dcm(orthonormalize(rotation))]
+    return ",".join(f"{round(a, 1) + 0.0:g}" for a in angles)
+
+
+def _broken_error(array: ImuArray, found: AxesCheck) -> InputError:
+    bad = ", ".join(
+        f"{array.names[i]} ({found.force[i]:.2f} m/s²"
+        + (
+            f", {np.degrees(found.gravity_angle[i]):.0f} deg away)"
+            if np.isfinite(found.gravity_angle[i])
+            else ")"
+        )
+        for i in np.flatnonzero(found.broken)
+    )
+    return InputError(
+        f"accelerometers contradict {array.names[found.reference]} "
+        f"({found.force[found.reference]:.2f} m/s²): {bad}",
+        expected="IMUs that feel the same gravity",
+        cure="leave them out, or calibrate the array (schuler calibrate); schuler faults and fuse "
+        "--without-faults find out which one it is",
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +14,8 @@ from schuler.errors import InputError
 from schuler.rotations import dcm_from_euler
 from schuler.types import FloatArray
 
-Solid = Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"]
+SOLIDS = ("cube", "octahedron", "dodecahedron", "icosahedron")
+"""Whose face normals carry an axis each; those of the tetrahedron are those of the octahedron."""
 
 ISOTROPIC_HALF_ANGLE = float(np.arccos(1.0 / np.sqrt(3.0)))
 """Half angle of a cone on which equal sensors measure equally well in all directions, rad."""
@@ -123,6 +123,49 @@ class Geometry:
         axes = np.swapaxes(mounting.rotation, 1, 2).reshape(-1, 3)
         return cls(axes, np.repeat(np.arange(mounting.count), 3), title)
 
+    @classmethod
+    def named(cls, text: str, half_angle: float | None = None) -> Geometry:
+        """Return a geometry by its name.
+
+        Parameters
+        ----------
+        text : str
+            "orthogonal:4" (triads), "tetrahedron" (four triads), "cone:6" (axes around a cone),
+            "cone-axis:5" (and one along it), or one axis for each face normal of a solid: "cube",
+            "octahedron", "dodecahedron" or "icosahedron".
+        half_angle : float, optional
+            Of a cone, rad; the isotropic one if not given.
+
+        Returns
+        -------
+        Geometry
+            With names of its axes.
+
+        Raises
+        ------
+        InputError
+            An unknown name, a number that is none, or too few axes.
+
+        Examples
+        --------
+        >>> Geometry.named("cone:6").redundancy
+        3
+        """
+        name, _, number = text.partition(":")
+        if name == "tetrahedron" and not number:
+            return tetrahedron()
+        if name in SOLIDS and not number:
+            return platonic(name)
+        makers = {"orthogonal": orthogonal, "cone": cone, "cone-axis": cone_with_axis}
+        if name not in makers or not number.isdecimal():
+            raise InputError(
+                f"no geometry '{text}'",
+                expected="orthogonal:K, tetrahedron, cone:M, cone-axis:M, " + ", ".join(SOLIDS),
+            )
+        if half_angle is None or name == "orthogonal":
+            return makers[name](int(number))
+        return (cone if name == "cone" else cone_with_axis)(int(number), half_angle)
+
     @property
     def count(self) -> int:
         """Number of sensors M."""
@@ -208,25 +251,17 @@ def cone_with_axis(count: int, half_angle: float | None = None) -> Geometry:
     return Geometry(axes, np.arange(count + 1), title)
 
 
-def platonic(solid: Solid) -> Geometry:
+def platonic(solid: str) -> Geometry:
     """Return one sensor along each different face normal of a platonic solid."""
-    signs = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64)
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=np.float64)
     pairs = np.array([[0, 1, GOLDEN], [0, -1, GOLDEN]])
-    six = np.vstack([np.roll(pairs, shift, axis=1) for shift in range(3)])
     edges = np.array([[0, 1 / GOLDEN, GOLDEN], [0, -1 / GOLDEN, GOLDEN]])
-    ten = np.vstack([signs, *(np.roll(edges, shift, axis=1) for shift in range(3))])
     normals = {
-        "tetrahedron": signs,
         "cube": np.eye(3),
-        "octahedron": signs,
-        "dodecahedron": six,
-        "icosahedron": ten,
+        "octahedron": corners,
+        "dodecahedron": np.vstack([np.roll(pairs, shift, axis=1) for shift in range(3)]),
+        "icosahedron": np.vstack([corners, *(np.roll(edges, s, axis=1) for s in range(3))]),
     }
     if solid not in normals:
         raise InputError(f"a solid called '{solid}'", expected=f"one of {', '.join(normals)}")
     return Geometry.from_axes(normals[solid], title=solid)
-
-
-def dodecahedron6() -> Geometry:
-    """Return six sensors along the face normals of a dodecahedron."""
-    return platonic("dodecahedron")

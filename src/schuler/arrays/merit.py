@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,8 @@ class FiguresOfMerit:
     ----------
     geometry : Geometry
         The axes.
+    deviations : (M,) ndarray
+        Standard deviation of the noise of each axis.
     covariance : (3, 3) ndarray
         Of the fused vector, (A' P A)^-1, in the square of the unit of the deviations.
     residual_share : (M,) ndarray
@@ -40,12 +43,27 @@ class FiguresOfMerit:
     """
 
     geometry: Geometry
+    deviations: FloatArray
     covariance: FloatArray
     residual_share: FloatArray
     minimal_detectable_bias: FloatArray
     false_alarm_rate: float
     power: float
     isolation_angle: FloatArray
+
+    @property
+    def parity(self) -> FloatArray:
+        """Rows blind to motion, (M - 3, M): V A = 0, with unit noise each (spec 6.4)."""
+        return parity_matrix(self.geometry.axes, self.deviations)
+
+    @property
+    def threshold(self) -> float:
+        """Of the chi-square statistic of a sample at the false-alarm rate; infinite without one."""
+        from scipy.stats import chi2
+
+        if self.geometry.redundancy < 1:
+            return float("inf")
+        return float(chi2.isf(self.false_alarm_rate, self.geometry.redundancy))
 
     @property
     def gdop(self) -> float:
@@ -101,6 +119,38 @@ class FiguresOfMerit:
             said.append(f"Faults can be detected but not isolated between {groups}.")
         return tuple(said)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON; angles in rad."""
+        finite = np.isfinite
+        bias, angle = self.minimal_detectable_bias, self.isolation_angle
+        return {
+            "title": self.geometry.title,
+            "names": list(self.geometry.names),
+            "axes": self.geometry.axes.tolist(),
+            "units": self.geometry.units.tolist(),
+            "redundancy": self.geometry.redundancy,
+            "deviations": self.deviations.tolist(),
+            "covariance": self.covariance.tolist(),
+            "gdop": self.gdop,
+            "volume": self.volume,
+            "anisotropy": self.anisotropy,
+            "parity": self.parity.tolist(),
+            "residual_share": self.residual_share.tolist(),
+            "false_alarm_rate": self.false_alarm_rate,
+            "power": self.power,
+            "threshold": self.threshold if self.geometry.redundancy else None,
+            "minimal_detectable_bias": [v if finite(v) else None for v in bias.tolist()],
+            "isolation_angle": [[v if finite(v) else None for v in r] for r in angle.tolist()],
+            "smallest_isolation_angle": self.smallest_isolation_angle,
+            "statements": list(self.statements),
+        }
+
+
+def parity_matrix(axes: FloatArray, deviations: FloatArray) -> FloatArray:
+    """Return rows blind to motion: V A = 0, orthonormal for the whitened sensors (spec 6.4)."""
+    whole, _ = np.linalg.qr(axes / deviations[:, None], mode="complete")
+    return np.asarray(whole[:, 3:].T / deviations)
+
 
 def figures_of_merit(
     geometry: Geometry,
@@ -109,9 +159,35 @@ def figures_of_merit(
     false_alarm_rate: float = 0.001,
     power: float = 0.8,
 ) -> FiguresOfMerit:
-    """Return what a geometry can do."""
+    """Return what a geometry can do.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        The axes.
+    deviations : float or (M,) array_like
+        Standard deviation of the noise of each axis, any unit.
+    false_alarm_rate, power : float
+        Of the chi-square test of one sample, for the smallest fault that is found.
+
+    Returns
+    -------
+    FiguresOfMerit
+        Noise of the fused vector, parity, and what faults can be seen and told apart (spec 6.1,
+        6.4; S002 (8) and Fig. 8).
+
+    Raises
+    ------
+    InputError
+        Deviations that are not positive, or rates out of range.
+
+    Examples
+    --------
+    >>> round(figures_of_merit(Geometry.named("tetrahedron")).gdop, 4)
+    0.866
+    """
     sigma = np.broadcast_to(np.asarray(deviations, dtype=np.float64), (geometry.count,))
-    frozen(sigma, "deviations", (geometry.count,))
+    sigma = frozen(sigma, "deviations", (geometry.count,))
     if not (np.isfinite(sigma).all() and sigma.min() > 0.0):
         raise InputError("deviations that are not positive", expected="finite numbers above zero")
     if not 0.0 < false_alarm_rate < power < 1.0:
@@ -131,6 +207,7 @@ def figures_of_merit(
         bias = np.where(share > 0.0, root * sigma / np.sqrt(share), np.inf)
     return FiguresOfMerit(
         geometry,
+        sigma,
         inverse @ inverse.T,
         share,
         bias,

@@ -68,7 +68,33 @@ def optimize_geometry(
     deviations: ArrayLike = 1.0,
     seed: int = 0,
 ) -> OptimalGeometry:
-    """Return the best geometry of a family."""
+    """Return the best geometry of a family.
+
+    Parameters
+    ----------
+    build : callable
+        From the (p,) parameters to a `Geometry`.
+    bounds : sequence of (float, float)
+        Of each parameter.
+    criterion : str or callable
+        "gdop", "volume", "vertical" (noise along z), "detectable_bias" (the worst axis),
+        "isolation" (angle between the two faults most alike), or a function of the
+        `FiguresOfMerit`, the smaller the better.
+    deviations : float or (M,) array_like
+        Noise of the axes.
+    seed : int
+        Of the search with several parameters.
+
+    Returns
+    -------
+    OptimalGeometry
+        Parameters, figures of merit there, and the value of the criterion.
+
+    Raises
+    ------
+    InputError
+        Bounds that are empty, an unknown criterion, or no geometry that measures all directions.
+    """
     from scipy.optimize import Bounds, differential_evolution, minimize_scalar
 
     measure = _measure(criterion)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from schuler.arrays.clocks.synchronization import synchronize
 from schuler.data import ImuArray, ImuRecording, Mounting
+from schuler.data.mounting import MOUNTING_FILE, read_mounting
 from schuler.errors import InputError
 from schuler.io import read_imus
 
@@ -34,7 +35,9 @@ def read_array(
         ``imu`` with its number and the IMUs below each other); several files, each with one or
         more IMUs; or a folder with files named imu1.*, imu2.*, ...
     mounting : Mounting, optional
-        Of the IMUs, in the order of files and numbers; all aligned with the body if not given.
+        Of the IMUs, in the order of files and numbers. If not given, a file mounting.yaml beside
+        the recordings says it by the names of the files (`schuler simulate` writes one); without
+        one all are aligned with the body.
     clocks : {"auto", "shared", "own"}
         Whether the stamps of different IMUs are of one clock. "auto": those of one file are, and
         those of several files where every stamp of one is a stamp of the others too. Otherwise
@@ -58,13 +61,16 @@ def read_array(
     """
     files = _files(path)
     how = {"missing": True, **how}
-    recordings: list[ImuRecording] = [r for file in files for r in read_imus(file, **how)]
+    parts = [read_imus(file, **how) for file in files]
+    recordings: list[ImuRecording] = [r for part in parts for r in part]
     if len(recordings) < 2:
         raise InputError(
             f"there is {len(recordings)} IMU in {', '.join(f.name for f in files)}",
             expected="at least two IMUs, in one file or in several",
             cure="name the files of the others too, or read it with read_imu",
         )
+    if mounting is None:
+        mounting = _mounting_beside(files, [len(part) for part in parts])
     if mounting is not None and mounting.count != len(recordings):
         raise InputError(
             f"{len(recordings)} recordings and mountings of {mounting.count} IMUs",
@@ -90,6 +96,33 @@ def _files(path: str | Path | Sequence[str | Path]) -> list[Path]:
     if len({f.resolve() for f in files}) < len(files):
         raise InputError("a file is named twice", expected="each file once")
     return [inner for f in files for inner in (_in_folder(f) if f.is_dir() else [f])]
+
+
+def _mounting_beside(files: Sequence[Path], counts: Sequence[int]) -> Mounting | None:
+    """Return what mounting.yaml says of the files: by their names, or in its order for one file."""
+    folders = {file.parent if file.is_file() else file for file in files}
+    places = [folder / MOUNTING_FILE for folder in folders if (folder / MOUNTING_FILE).is_file()]
+    if not places:
+        return None
+    if len(folders) > 1:
+        raise InputError(
+            f"files of several folders, and a {MOUNTING_FILE} in {len(places)} of them",
+            expected="one folder, or a mounting given by hand",
+            cure="give the mounting itself (--mount, --calibration)",
+        )
+    names, mounting = read_mounting(places[0])
+    if len(files) == 1 and mounting.count == counts[0]:
+        return mounting
+    unknown = [file.stem for file in files if file.stem not in names]
+    if unknown or max(counts) > 1:
+        said = f"says nothing of {unknown[0]}" if unknown else f"has no {sum(counts)} IMUs"
+        raise InputError(
+            f"{said}, but of {', '.join(names)}",
+            expected="an entry for each IMU, named as its file without the ending",
+            cure="add it, or give the mounting itself (--mount, --calibration)",
+            where=str(places[0]),
+        )
+    return mounting.select([names.index(file.stem) for file in files])
 
 
 def _in_folder(folder: Path) -> list[Path]:

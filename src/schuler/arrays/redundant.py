@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,6 +21,10 @@ TITLES = {"gyro": "gyros", "accel": "accelerometers"}
 UNITS = {"gyro": "rad/s", "accel": "m/s²"}
 SAME = 0.999
 """Share of equal rows from which two IMUs are one recorded twice."""
+ROUNDING = 1e-9
+"""Of the largest value: what turning leaves of equality."""
+FEW = 200
+"""Rows that are looked at first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +114,7 @@ def redundant_sensors(array: ImuArray, sensor: Sensor) -> RedundantSensors:
         columns = np.ascontiguousarray(columns[:, recorded])
     axes = np.ascontiguousarray(np.swapaxes(array.mounting.rotation, 1, 2).reshape(-1, 3)[recorded])
     check_rank(axes)
-    _check_copies(values, array.names, sensor)
+    refuse_copies(array, (sensor,))
     # units are numbered without gaps
     unit = recorded // 3
     numbers, unit = np.unique(unit, return_inverse=True)
@@ -125,20 +130,37 @@ def redundant_sensors(array: ImuArray, sensor: Sensor) -> RedundantSensors:
     )
 
 
-def _check_copies(values: FloatArray, names: tuple[str, ...], sensor: Sensor) -> None:
-    """Raise when two IMUs hold the same numbers: they would count twice and hide their errors."""
-    few = np.unique(np.linspace(0, values.shape[0] - 1, 200).astype(int))
-    for i in range(values.shape[1]):
-        for j in range(i):
-            # a handful of rows clears nearly every pair
-            if np.mean((values[few, i] == values[few, j]).all(axis=1)) < SAME:
-                continue
-            both = np.isfinite(values[:, [i, j]]).all(axis=(1, 2))
-            same = (values[both, i] == values[both, j]).all(axis=1)
-            if both.any() and np.mean(same) >= SAME:
-                raise InputError(
-                    f"the {TITLES[sensor]} of {names[i]} are a copy of those of {names[j]}: "
-                    f"{np.count_nonzero(same)} of {same.size} rows are equal to the last digit",
-                    expected="IMUs with errors of their own",
-                    cure="leave one of them out",
-                )
+def refuse_copies(array: ImuArray, kinds: Sequence[Sensor] = ("gyro", "accel")) -> None:
+    """Raise when two IMUs hold the same numbers: they would count twice and hide their errors.
+
+    In their own axes, or both turned into the body.
+    """
+    few = np.unique(np.linspace(0, array.size - 1, FEW).astype(int))
+    for kind in kinds:
+        values = array.gyro if kind == "gyro" else array.accel
+        for i in range(array.count):
+            for j in range(i):
+                # a handful of rows clears nearly every pair
+                if _share_equal(values[few], array, i, j) < SAME:
+                    continue
+                share = _share_equal(values, array, i, j)
+                if share >= SAME:
+                    raise InputError(
+                        f"{array.names[i]} is a copy of {array.names[j]}: the {TITLES[kind]} are "
+                        f"equal in {100.0 * share:.0f} % of the rows",
+                        expected="IMUs with errors of their own",
+                        cure=f"leave {array.names[i]} out, or check the columns",
+                    )
+
+
+def _share_equal(values: FloatArray, array: ImuArray, i: int, j: int) -> float:
+    """Share of the rows that both have in which two IMUs show the same."""
+    a, b = values[:, i], values[:, j]
+    both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
+    if not both.any():
+        return 0.0
+    a, b = a[both], b[both]
+    rotation = array.mounting.rotation
+    near = ROUNDING * max(float(np.abs(a).max()), 1e-12)
+    turned = np.abs(a @ rotation[i].T - b @ rotation[j].T).max(axis=1) <= near
+    return float(np.mean((a == b).all(axis=1) | turned))

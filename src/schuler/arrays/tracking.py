@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from schuler.arrays.lever_arms import arm_coefficients
 from schuler.arrays.redundant import RedundantSensors
@@ -118,7 +118,7 @@ class AxisNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """What came out for one kind of sensor; see `schuler.kernels.redundancy.follow`.
+    """What came out for one kind of sensor; see `schuler.kernels.arrays.redundancy.follow`.
 
     Parameters
     ----------
@@ -252,7 +252,14 @@ def follow_sensors(
     extra: FloatArray | None = None,
 ) -> Followed:
     """Follow one kind of sensor through a recording."""
-    from schuler.kernels.redundancy import follow
+    from schuler.kernels.arrays.redundancy import follow
+    from schuler.kernels.arrays.redundancy_data import (
+        FollowedOutputs,
+        Redundancy,
+        RedundantAxes,
+        Remembered,
+        Tuning,
+    )
 
     n, count = sensors.measurements.shape
     step = sensors.step
@@ -277,79 +284,78 @@ def follow_sensors(
     else:
         per_block = np.ascontiguousarray(np.broadcast_to(given[::block], (blocks, count)))
     smoothing = np.zeros(0) if watch is None else smoothing_shares(watch, seconds)
-    fused, six, variance = np.empty((n, 3)), np.empty((blocks, 6)), np.empty((blocks, count))
-    usage, freedom = np.empty((blocks, count), np.int8), np.empty(blocks, np.int16)
-    # in one piece: large arrays come in large pages
-    statistic, axis_statistic, unit_statistic = np.empty((3, n))
-    axis_suspect, unit_suspect = np.empty(n, np.int16), np.empty(n, np.int16)
-    smoothed, factor = np.empty((blocks, smoothing.size)), np.ones(smoothing.size)
-    events = np.zeros((EVENTS, 8))
-    patience = 1 if watch is None else max(round(watch.hold / seconds), 1)
-    number = follow(
-        sensors.measurements,
-        np.zeros((0, 9)) if tensor is None else tensor,
-        arm_coefficients(sensors.axes, sensors.arms),
-        np.zeros(0) if extra is None else extra,
-        sensors.axes,
-        sensors.unit,
-        sensors.units,
-        block,
-        per_block,
-        float(adaptation),
-        float(common),
-        float(scatter),
-        settings.clip**2,
-        FLOOR if adapting else 0.0,
-        float(gain),
-        np.inf if start is not None else float(first),
-        0.0 if watch is None else watch.wander**2,
-        np.inf if watch is None else watch.spike,
-        smoothing,
-        np.asarray(() if watch is None else watch.axis_threshold, dtype=np.float64),
-        np.asarray(() if watch is None else watch.unit_threshold, dtype=np.float64),
-        np.inf if watch is None else watch.unit_margin,
-        0.0 if watch is None else float(1.0 - np.exp(-seconds / watch.factor_time_constant)),
-        learning,
-        np.inf if watch is None else watch.readmission,
-        round(RECALL / seconds),
-        np.full(count, patience, dtype=np.int64),
-        bias,
-        begin.variance.astype(np.float64).copy(),
-        factor,
-        np.zeros(count, dtype=np.int64),
-        fused,
-        six,
-        variance,
-        usage,
-        freedom,
-        statistic,
-        axis_statistic,
-        axis_suspect,
-        unit_statistic,
-        unit_suspect,
-        smoothed,
-        events,
+    out = FollowedOutputs(
+        fused=np.empty((n, 3)),
+        covariance=np.empty((blocks, 6)),
+        variances=np.empty((blocks, count)),
+        usage=np.empty((blocks, count), np.int8),
+        freedom=np.empty(blocks, np.int16),
+        statistic=np.empty(n),
+        axis_statistic=np.empty(n),
+        axis_suspect=np.empty(n, np.int16),
+        unit_statistic=np.empty(n),
+        unit_suspect=np.empty(n, np.int16),
+        smoothed=np.empty((blocks, smoothing.size)),
+        events=np.zeros((EVENTS, 8)),
     )
+    patience = 1 if watch is None else max(round(watch.hold / seconds), 1)
+    tuning = Tuning(
+        block=block,
+        adaptation=float(adaptation),
+        common=float(common),
+        scatter=float(scatter),
+        clip=settings.clip**2,
+        floor=FLOOR if adapting else 0.0,
+        bias_gain=float(gain),
+        bias_samples=np.inf if start is not None else float(first),
+        wander=0.0 if watch is None else watch.wander**2,
+        spike=np.inf if watch is None else watch.spike,
+        smoothing=smoothing,
+        axis_threshold=_numbers(() if watch is None else watch.axis_threshold),
+        unit_threshold=_numbers(() if watch is None else watch.unit_threshold),
+        unit_margin=np.inf if watch is None else watch.unit_margin,
+        factor_gain=0.0 if watch is None else 1.0 - np.exp(-seconds / watch.factor_time_constant),
+        learning=learning,
+        readmission=np.inf if watch is None else watch.readmission,
+        recall=round(RECALL / seconds),
+    )
+    given_axes = RedundantAxes(
+        measurements=np.ascontiguousarray(sensors.measurements),
+        arm_tensor=np.zeros((0, 9)) if tensor is None else np.ascontiguousarray(tensor),
+        arm=np.ascontiguousarray(arm_coefficients(sensors.axes, sensors.arms)),
+        extra=np.zeros(0) if extra is None else np.ascontiguousarray(extra),
+        axes=np.ascontiguousarray(sensors.axes),
+        unit=np.ascontiguousarray(sensors.unit, dtype=np.int64),
+        given=per_block,
+    )
+    memory = Remembered.begin(
+        bias, begin.variance.astype(np.float64).copy(), smoothing.size, patience
+    )
+    number = follow(Redundancy.of(given_axes, sensors.units, tuning, memory, out))
     return Followed(
         sensors,
         block,
         learning,
-        fused,
-        six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3),
-        variance,
-        usage,
-        freedom,
-        statistic,
-        axis_statistic,
-        axis_suspect,
-        unit_statistic,
-        unit_suspect,
-        smoothed,
-        factor,
+        out.fused,
+        out.covariance[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3),
+        out.variances,
+        out.usage,
+        out.freedom,
+        out.statistic,
+        out.axis_statistic,
+        out.axis_suspect,
+        out.unit_statistic,
+        out.unit_suspect,
+        out.smoothed,
+        memory.factor,
         bias,
-        events[: min(number, EVENTS)].copy(),
+        out.events[: min(number, EVENTS)].copy(),
         max(number - EVENTS, 0),
     )
+
+
+def _numbers(values: ArrayLike) -> FloatArray:
+    return np.array(values, dtype=np.float64)
 
 
 def smoothing_shares(watch: Watch, seconds: float) -> FloatArray:

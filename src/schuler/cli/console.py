@@ -11,6 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from schuler.cli.wording import in_options
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
@@ -47,7 +49,7 @@ def printable(text: str) -> str:
 
 def say(message: str) -> None:
     """Print one line about the run on standard error."""
-    line = f"schuler: {printable(message)}"
+    line = f"schuler: {in_options(printable(message))}"
     encoding = sys.stderr.encoding or "utf-8"
     print(line.encode(encoding, "backslashreplace").decode(encoding), file=sys.stderr)
 
@@ -91,6 +93,7 @@ class Screen:
 
     def finding(self, severity: str, text: str) -> None:
         """Print one finding with a mark that tells how much it matters."""
+        text = in_options(text)
         mark, style = {
             "good": ("+", "green"),
             "info": ("-", "cyan"),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.job import Result, working
-from schuler.errors import EstimationError, InputError
+from schuler.errors import EstimationError, InputError, SchulerError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
-    from schuler.cli.options.files import ModelFiles
+    from schuler.cli.options.files import ModelFiles, Texts
     from schuler.data.imu import ImuRecording
     from schuler.estimation.comparison.methods import ImuMethodComparison
     from schuler.noise import NoiseModel
@@ -40,30 +40,43 @@ def methods_result(
     imu: ImuRecording,
     screening: Screening,
     methods: tuple[str, ...],
-    model: ModelFiles,
+    files: ModelFiles,
     title: str,
     failed: tuple[str, ...],
+    *,
+    model: str = "auto",
 ) -> Result:
     """Put the methods to every channel."""
     from schuler.estimation.comparison.methods import compare_methods_imu
 
     with working("Finding the noise") as shown:
-        comparison = compare_methods_imu(imu, methods, told=shown.tell)
+        wanted = "shared" if model == "auto" else model
+        comparison = compare_methods_imu(imu, methods, model=wanted, told=shown.tell)
     first, many = methods[0], len(methods) > 1
+    texts: Texts = ()
+    refused: tuple[str, ...] = ()
+    if files.wanted:
+        try:
+            texts, refused = files.texts(noise_model_of(comparison, first), imu.rate)
+        except SchulerError as error:
+            refused = (f"no noise model was written: {error}",)
     return Result(
         title=f"{title}, {len(methods)} methods" if many else f"{title} by {first}",
         sections=(comparison, screening, imu),
         show=lambda screen: show_methods(screen, comparison),
         json=lambda: _to_dict(comparison, first) | {"screening": screening.to_dict()},
-        settings={"methods": list(methods)},
-        texts=model.texts(noise_model_of(comparison, first), imu.rate) if model.wanted else (),
+        settings={"methods": list(methods), "model": model},
+        texts=texts,
         with_origin=True,
         failed=failed,
+        refused=refused,
     )
 
 
 def _to_dict(comparison: ImuMethodComparison, first: str) -> dict[str, Any]:
     """Channels as the first method finds them, then everything."""
+    from schuler.estimation.ieee952 import ieee952_to_dict
+
     return {
         "recording": comparison.recording_name,
         "rate_hz": comparison.rate,
@@ -72,6 +85,11 @@ def _to_dict(comparison: ImuMethodComparison, first: str) -> dict[str, Any]:
         "channels": {
             name: c.results[first].to_dict() if first in c.results else None
             for name, c in comparison.channels.items()
+        },
+        "ieee952": {
+            name: ieee952_to_dict(c.results[first].ieee952)
+            for name, c in comparison.channels.items()
+            if first in c.results
         },
         "findings": list(comparison.findings),
         "methods": comparison.to_dict()["channels"],

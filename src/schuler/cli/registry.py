@@ -21,6 +21,10 @@ VERBS = (
     "tune",
     "simulate",
     "export",
+    "geometry",
+    "convert",
+    "read",
+    "formats",
     "run",
     "warm",
 )

@@ -68,8 +68,9 @@ def _mechanizations() -> None:
     import numpy as np
 
     from schuler.cli.example import EXAMPLE_RATE, example_noise
-    from schuler.data.array import ImuArray, Mounting
+    from schuler.data import ImuArray, Mounting
     from schuler.evaluation.mechanizations import compare_mechanizations
+    from schuler.navigation.settings import NavigationSettings
     from schuler.simulation import car_urban, simulate_array, simulate_gnss
 
     rng = np.random.default_rng(3)
@@ -79,7 +80,7 @@ def _mechanizations() -> None:
     recordings = simulate_array(profile, *places, example_noise(), EXAMPLE_RATE, rng)
     gnss = simulate_gnss(profile, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
     array = ImuArray.from_recordings(recordings, mounting)
-    compare_mechanizations(array, gnss, example_noise(), time_offset=0.0)
+    compare_mechanizations(array, gnss, example_noise(), NavigationSettings(time_offset=0.0))
 
 
 def _synthetic() -> None:

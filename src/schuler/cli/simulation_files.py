@@ -167,6 +167,7 @@ def drive_files(
     """Return texts and tables of a folder: recordings, truth, noise model and description."""
     import yaml
 
+    from schuler.data.mounting import MOUNTING_FILE, Mounting, mounting_yaml
     from schuler.io.trajectory import truth_columns, write_columns
 
     several = len(drive.imus) > 1
@@ -184,4 +185,8 @@ def drive_files(
     )
     if scenario.noise_model is not None:
         texts = (*texts, (out / "noise.yaml", scenario.noise_model.to_yaml))
+    if scenario.array_rotations is not None and scenario.array_positions is not None:
+        mounting = Mounting(scenario.array_rotations, scenario.array_positions)
+        stems = [name for name in tables if name.startswith("imu")]
+        texts = (*texts, (out / MOUNTING_FILE, lambda: mounting_yaml(mounting, stems)))
     return texts, files

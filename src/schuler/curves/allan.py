@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.curves.allan_curve import AllanCurve, default_factors
+from schuler.curves.allan_family import family_deviation
 from schuler.curves.confidence import (
     chi_square_bounds,
     local_slope,
+    not_by_chance,
     power_law_degrees_of_freedom,
 )
 from schuler.errors import InputError
@@ -18,82 +20,6 @@ from schuler.types import FloatArray
 
 _BLOCK = 4096
 _WORK_BYTES = 64 * 2**20
-_PER_DECADE = 20
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AllanCurve:
-    """Allan deviation against cluster time.
-
-    Parameters
-    ----------
-    tau : (t,) ndarray
-        Cluster times in s.
-    deviation : (t,) or (t, m) ndarray
-        Allan deviation in the unit of the signal.
-    lower, upper : (t,) or (t, m) ndarray
-        95 % confidence interval of the deviation.
-    degrees_of_freedom : (t,) or (t, m) ndarray
-        Equivalent degrees of freedom of the variance.
-    rate : float
-        Samples a second.
-    samples : int
-        Length of the signal.
-    kind : str
-        Which estimator, as of `allan_deviation`.
-    """
-
-    tau: FloatArray
-    deviation: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    degrees_of_freedom: FloatArray
-    rate: float
-    samples: int
-    kind: str = "overlapping"
-
-    @property
-    def duration(self) -> float:
-        """Length of the record in s."""
-        return self.samples / self.rate
-
-    @property
-    def factors(self) -> NDArray[np.int64]:
-        """Samples in a cluster."""
-        return np.round(self.tau * self.rate).astype(np.int64)
-
-    def column(self, index: int) -> AllanCurve:
-        """Return the curve of one column of an (n, m) signal.
-
-        Parameters
-        ----------
-        index : int
-            Column.
-
-        Returns
-        -------
-        AllanCurve
-            With (t,) arrays.
-        """
-        if self.deviation.ndim == 1:
-            return self
-        return AllanCurve(
-            self.tau,
-            self.deviation[:, index],
-            self.lower[:, index],
-            self.upper[:, index],
-            self.degrees_of_freedom[:, index],
-            self.rate,
-            self.samples,
-            self.kind,
-        )
-
-
-def default_factors(samples: int, per_decade: int = _PER_DECADE) -> NDArray[np.int64]:
-    """Cluster lengths, log-spaced: unique integers up to a ninth of the record (spec 2.3)."""
-    longest = max(1, samples // 9)
-    count = int(np.ceil(np.log10(longest) * per_decade)) + 1
-    return np.unique(np.round(np.geomspace(1, longest, count)).astype(np.int64))
 
 
 def allan_deviation(
@@ -144,8 +70,6 @@ def allan_deviation(
     curve has about each tau.
     """
     if kind != "overlapping":
-        from schuler.curves.allan_family import family_deviation
-
         return family_deviation(signal, rate, taus, kind)
     data = np.asarray(signal)
     if data.ndim not in (1, 2) or data.dtype.kind not in "fiu":
@@ -162,6 +86,7 @@ def allan_deviation(
     variance = _variances(columns, factors)
     tau = factors / rate
     slopes = np.column_stack([local_slope(tau, v) for v in variance.T])
+    slopes = not_by_chance(slopes, factors, len(data))
     freedom = power_law_degrees_of_freedom(slopes, factors, len(data))
     deviation = np.sqrt(variance)
     down, up = chi_square_bounds(freedom)
@@ -197,7 +122,7 @@ def _factors(taus: ArrayLike | None, samples: int, rate: float) -> NDArray[np.in
 
 def _variances(columns: NDArray[np.generic], factors: NDArray[np.int64]) -> FloatArray:
     """Allan variances of the columns, in the signal's unit squared."""
-    from schuler.kernels.allan import allan_sums, integrate
+    from schuler.kernels.noise.allan import allan_sums, integrate
 
     n, count = columns.shape
     group = max(1, min(count, _WORK_BYTES // (8 * (n + 1))))

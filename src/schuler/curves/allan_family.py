@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.curves.allan import AllanCurve, default_factors
+from schuler.curves.allan_curve import AllanCurve, default_factors
 from schuler.curves.allan_family_confidence import (
     Kind,
     family_degrees_of_freedom,
     variance_bias,
 )
-from schuler.curves.confidence import chi_square_bounds, local_slope
+from schuler.curves.confidence import chi_square_bounds, local_slope, not_by_chance
 from schuler.curves.finite_signal import checked_rate, finite_samples
 from schuler.errors import InputError
 from schuler.types import FloatArray
@@ -61,6 +61,8 @@ def family_deviation(
         [_column(columns[:, j], factors, kind) for j in range(len(columns[0]))]
     )
     slopes = np.column_stack([local_slope(tau, v) for v in variance.T])
+    if not kind.startswith("modified"):
+        slopes = not_by_chance(slopes, factors, samples)
     freedom = family_degrees_of_freedom(kind, slopes, factors, samples)
     bias = variance_bias(kind, slopes, factors, samples)
     deviation = np.sqrt(variance)
@@ -122,7 +124,7 @@ def _reflected(theta: FloatArray) -> FloatArray:
 
 
 def _variance(kind: Kind, signal: FloatArray, theta: FloatArray, m: int) -> float:
-    from schuler.kernels import allan_family as sums
+    from schuler.kernels.noise import allan_family as sums
 
     if kind == "nonoverlapping":
         at = theta[::m]

@@ -1,7 +1,7 @@
 """Degrees of freedom and bias of the relatives of the Allan variance, for power-law noise.
 
 The estimators without reflection are quadratic forms of differences whose covariance C(s) at lag
-s follows from the generalised covariance K of theta (see `schuler.kernels.allan_covariance`):
+s follows from the generalised covariance K of theta (see `schuler.kernels.noise.allan_covariance`):
 degrees of freedom = terms² C(0)² / sum over s of (terms - |s|) C(s)² (Greenhall and Riley 2003).
 The total kinds take the fits of NIST SP 1065, tables 7 to 9.
 """

@@ -70,28 +70,6 @@ class AutocorrelationCurve(ToDict):
         outside = np.abs(self.correlation[1:]) > self.robust_band[1:]
         return bool(outside.size and np.mean(outside) <= 0.1)
 
-    def first_below(self, level: float) -> float | None:
-        """Return the first lag at which the correlation falls below a level.
-
-        Parameters
-        ----------
-        level : float
-            Such as 0 or 1/e.
-
-        Returns
-        -------
-        float or None
-            Lag in s, linear between samples; None where it never does.
-        """
-        below = np.flatnonzero(self.correlation < level)
-        if below.size == 0:
-            return None
-        k = int(below[0])
-        if k == 0:
-            return 0.0
-        before, after = float(self.correlation[k - 1]), float(self.correlation[k])
-        return (k - 1 + (before - level) / (before - after)) / self.rate
-
 
 def autocorrelation(
     signal: ArrayLike,

@@ -2,20 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.noise import (
-    BiasInstability,
-    GaussMarkov,
-    Process,
-    Quantization,
-    RandomWalk,
-    WhiteNoise,
-)
+from schuler.noise import Process
 from schuler.types import FloatArray
 
 # Slope of log variance against log tau, and the unit process that has it: white noise,
@@ -31,49 +21,37 @@ _POWER_LAWS: tuple[tuple[float, tuple[float, float, float, float]], ...] = (
 )
 
 
-def _gauss_markovs(process: Process) -> list[GaussMarkov]:
-    found: list[GaussMarkov] = []
-    for part in process.components:
-        if isinstance(part, GaussMarkov) and part.sigma > 0.0:
-            found.append(part)
-        elif isinstance(part, BiasInstability) and part.level > 0.0:
-            found += part.gauss_markovs
-    return found
-
-
-def _squares(parts: Sequence[Process], kind: type[Process], name: str) -> float:
-    return math.fsum(getattr(p, name) ** 2 for p in parts if isinstance(p, kind))
-
-
 def allan_covariance(
     process: Process, factors: NDArray[np.int64], samples: int, dt: float
 ) -> FloatArray:
     """Covariance of the logarithms of overlapping Allan variances, to first order."""
-    from schuler.kernels.allan_covariance import relative_covariance
+    from schuler.kernels.noise.allan_covariance import relative_covariance
 
-    parts = process.components
-    noises = _gauss_markovs(process)
+    seen = process.elements(dt, samples * dt)
     out = np.zeros((factors.size, factors.size))
     relative_covariance(
         np.asarray(factors, dtype=np.int64),
         samples + 1,
-        _squares(parts, WhiteNoise, "density") / dt,
-        _squares(parts, Quantization, "step_density") / dt**2,
-        _squares(parts, RandomWalk, "density") * dt,
-        0.0,
-        np.array([g.sigma**2 for g in noises]),
-        np.array([g.correlation_time / dt for g in noises]),
+        seen.white,
+        seen.quantization,
+        seen.walk,
+        seen.flicker,
+        np.array([variance for variance, _ in seen.gauss_markovs]),
+        np.array([time / dt for _, time in seen.gauss_markovs]),
         False,
         out,
     )
     return out
 
 
+_FEW_CLUSTERS = 50.0
+
+
 def power_law_degrees_of_freedom(
     slope: ArrayLike, factors: NDArray[np.int64], samples: int
 ) -> FloatArray:
     """Equivalent degrees of freedom of overlapping Allan variances of power-law noise."""
-    from schuler.kernels.allan_covariance import relative_covariance
+    from schuler.kernels.noise.allan_covariance import relative_covariance
 
     none = np.zeros(0)
     logs = []
@@ -117,6 +95,16 @@ def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> 
         if spread > 0.0:
             slope[k] = float(np.sum(weight * dx * y[near])) / spread
     return slope
+
+
+def not_by_chance(slope: FloatArray, factors: NDArray[np.int64], samples: int) -> FloatArray:
+    """Slopes with those of long clusters held at that of white noise or above.
+
+    Few clusters scatter so much that the slope is steep by chance; quantisation, whose slope that
+    would be, has many times their degrees of freedom and never shows at such times.
+    """
+    few = factors > samples / _FEW_CLUSTERS
+    return np.where(few[:, None] if slope.ndim == 2 else few, np.maximum(slope, -1.0), slope)
 
 
 def chi_square_bounds(

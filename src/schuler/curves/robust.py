@@ -70,7 +70,7 @@ def median_scale(residual: FloatArray) -> float:
 
 def robust_variance(residual: FloatArray, tuning: BiweightTuning) -> tuple[float, float]:
     """Estimate a variance with bounded influence."""
-    from schuler.kernels.wavelet_variance import biweight_moments, biweight_spread
+    from schuler.kernels.noise.wavelet_variance import biweight_moments, biweight_spread
 
     variance = median_scale(residual) ** 2
     if variance <= 0.0:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.confidence import (
     chi_square_bounds,
     local_slope,
@@ -23,6 +23,7 @@ from schuler.curves.robust import (
 )
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
+from schuler.noise import Process
 from schuler.types import FloatArray
 
 RobustKind = Literal["", "samples", "coefficients"]
@@ -112,6 +113,10 @@ class WaveletVarianceCurve(ToDict):
             rate=self.rate,
             samples=self.samples,
         )
+
+    def of(self, process: Process) -> FloatArray:
+        """Wavelet variance of samples of a process at the scales."""
+        return 0.5 * process.sampled_allan_variance(self.factors, 1.0 / self.rate)
 
 
 def wavelet_variance(
@@ -228,7 +233,7 @@ def _checked(signal: ArrayLike, rate: float) -> FloatArray:
 
 
 def _running_sum(values: FloatArray) -> FloatArray:
-    from schuler.kernels.allan import integrate
+    from schuler.kernels.noise.allan import integrate
 
     theta = np.empty((1, values.size + 1))
     offset = values[:: max(1, values.size // 4096)].mean()
@@ -237,7 +242,7 @@ def _running_sum(values: FloatArray) -> FloatArray:
 
 
 def _plain(values: FloatArray, factors: NDArray[np.int64]) -> FloatArray:
-    from schuler.kernels.allan import allan_sums
+    from schuler.kernels.noise.allan import allan_sums
 
     theta = _running_sum(values)
     sums = np.empty(factors.size)
@@ -249,7 +254,7 @@ def _plain(values: FloatArray, factors: NDArray[np.int64]) -> FloatArray:
 def _of_coefficients(
     values: FloatArray, factors: NDArray[np.int64], tuning: BiweightTuning
 ) -> FloatArray:
-    from schuler.kernels.wavelet_variance import haar_coefficients
+    from schuler.kernels.noise.wavelet_variance import haar_coefficients
 
     theta = _running_sum(values)
     out = []
@@ -276,7 +281,7 @@ class _Drawn:
 
 def _residual(values: FloatArray) -> tuple[FloatArray, int]:
     """Samples less the local median, over the longest window in which the level stands still."""
-    from schuler.kernels.wavelet_variance import medians_at_nodes
+    from schuler.kernels.noise.wavelet_variance import medians_at_nodes
 
     best: FloatArray | None = None
     length = 0
@@ -303,7 +308,7 @@ def _residual(values: FloatArray) -> tuple[FloatArray, int]:
 
 def _drawn_to_level(values: FloatArray, tuning: BiweightTuning) -> _Drawn:
     """Draw every sample to its local level by the biweight; slow changes keep their size."""
-    from schuler.kernels.wavelet_variance import biweight_influence
+    from schuler.kernels.noise.wavelet_variance import biweight_influence
 
     residual, window = _residual(values)
     level = values - residual

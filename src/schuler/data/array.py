@@ -1,4 +1,4 @@
-"""What several IMUs on one body recorded at the same stamps, and how they are mounted."""
+"""What several IMUs on one body recorded at the same stamps."""
 
 from __future__ import annotations
 
@@ -8,104 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.data._checks import check_finite, check_time, frozen, median_step
+from schuler.data._checks import check_time, frozen, median_step
 from schuler.data.imu import ImuRecording
+from schuler.data.mounting import Mounting, chosen_imus
 from schuler.errors import InputError
 from schuler.types import FloatArray
-
-ORTHONORMAL_TOLERANCE = 1e-6
-"""Largest element of C C' - I that is still taken for rounding."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Mounting:
-    """Where the IMUs sit on the body and how they are turned.
-
-    Parameters
-    ----------
-    rotation : (k, 3, 3) ndarray
-        C_bs of each IMU: takes vectors from its axes into those of the body.
-    position : (k, 3) ndarray
-        Of each IMU from the origin of the body, in the body, m.
-
-    Raises
-    ------
-    InputError
-        Other shapes, no IMU, values that are not finite, or a matrix that is no rotation: a
-        left-handed one (an axis or a sign swapped) or one that is not orthonormal.
-    """
-
-    rotation: FloatArray
-    position: FloatArray
-
-    def __post_init__(self) -> None:
-        rotation = frozen(self.rotation, "mounting rotation", (None, 3, 3))
-        k = rotation.shape[0]
-        if k < 1:
-            raise InputError("a mounting of no IMU", expected="at least one")
-        position = frozen(self.position, "mounting position", (k, 3))
-        check_finite(rotation, "mounting rotation")
-        check_finite(position, "mounting position")
-        off = np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max(axis=(1, 2))
-        handed = np.linalg.det(rotation)
-        # told apart first: a mirrored matrix is orthonormal and everything else would accept it
-        for i in np.flatnonzero((handed < 0.0) & (off <= ORTHONORMAL_TOLERANCE)):
-            raise InputError(
-                f"the mounting of IMU {i + 1} is left-handed (determinant {handed[i]:.3f})",
-                expected="a rotation, of determinant +1",
-                cure="one axis has the wrong sign, or two are swapped: check the directions",
-            )
-        for i in np.flatnonzero(off > ORTHONORMAL_TOLERANCE):
-            raise InputError(
-                f"the mounting of IMU {i + 1} is no rotation: its rows are off from unit length "
-                f"or right angles by {off[i]:.2g}",
-                expected="an orthonormal matrix of determinant +1",
-                cure="give it with all digits, or through schuler.rotations.orthonormalize",
-            )
-        object.__setattr__(self, "rotation", rotation)
-        object.__setattr__(self, "position", position)
-
-    @classmethod
-    def aligned(cls, count: int) -> Mounting:
-        """Return IMUs that all have the axes of the body and sit at its origin.
-
-        Parameters
-        ----------
-        count : int
-            Number of IMUs.
-
-        Returns
-        -------
-        Mounting
-            Of `count` IMUs.
-
-        Raises
-        ------
-        InputError
-            Fewer than one.
-        """
-        return cls(np.tile(np.eye(3), (max(count, 0), 1, 1)), np.zeros((max(count, 0), 3)))
-
-    @property
-    def count(self) -> int:
-        """Number of IMUs."""
-        return int(self.rotation.shape[0])
-
-    def select(self, imus: ArrayLike) -> Mounting:
-        """Return some of the IMUs.
-
-        Parameters
-        ----------
-        imus : (m,) array_like of int or bool
-            Which, counted from zero, or a mask.
-
-        Returns
-        -------
-        Mounting
-            In the order asked for.
-        """
-        chosen = _chosen(imus, self.count)
-        return Mounting(self.rotation[chosen], self.position[chosen])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,6 +37,8 @@ class ImuArray:
         Of the IMUs; "imu 1", "imu 2", ... if empty.
     history : tuple of str
         What was done to the data since the files, oldest first.
+    assumptions : tuple of str
+        What was taken for granted on reading the IMUs.
 
     Raises
     ------
@@ -144,6 +53,7 @@ class ImuArray:
     mounting: Mounting
     names: tuple[str, ...] = ()
     history: tuple[str, ...] = field(default=())
+    assumptions: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
         time = frozen(self.time, "IMU array time", (None,))
@@ -240,7 +150,8 @@ class ImuArray:
             for name, recording in zip(names, recordings, strict=True)
             for line in recording.history
         ]
-        return cls(time, gyro, accel, mounting, tuple(names), tuple(lines))
+        assumed = dict.fromkeys(line for r in recordings for line in r.assumptions)
+        return cls(time, gyro, accel, mounting, tuple(names), tuple(lines), tuple(assumed))
 
     @property
     def size(self) -> int:
@@ -346,7 +257,7 @@ class ImuArray:
         InputError
             There is no such IMU, or none is left.
         """
-        chosen = _chosen(imus, self.count)
+        chosen = chosen_imus(imus, self.count)
         names = tuple(self.names[i] for i in chosen)
         return replace(
             self,
@@ -378,21 +289,6 @@ class ImuArray:
             accel=self.accel[a:b],
             history=(*self.history, f"cut to {start:.3f} .. {stop:.3f} s"),
         )
-
-
-def _chosen(imus: ArrayLike, count: int) -> list[int]:
-    chosen = np.asarray(imus)
-    if chosen.dtype == bool and chosen.shape == (count,):
-        chosen = np.flatnonzero(chosen)
-    if chosen.ndim != 1 or chosen.dtype.kind != "i" or chosen.size == 0:
-        raise InputError(
-            f"a choice of IMUs of shape {chosen.shape}", expected=f"numbers from 0 to {count - 1}"
-        )
-    if chosen.min() < 0 or chosen.max() >= count:
-        raise InputError(
-            f"IMUs {chosen.tolist()} of {count}", expected=f"numbers from 0 to {count - 1}"
-        )
-    return [int(i) for i in chosen]
 
 
 def _common_stamps(recordings: Sequence[ImuRecording], tolerance: float, step: float) -> FloatArray:

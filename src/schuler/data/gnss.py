@@ -38,6 +38,9 @@ class GnssRecording:
         Name shown to people.
     history : tuple of str
         What was done to the data since the file, oldest first.
+    assumptions : tuple of str
+        What was taken for granted on reading: units, rates and axes that nobody named, rows left
+        out, columns not used.
 
     Raises
     ------
@@ -54,6 +57,7 @@ class GnssRecording:
     quality: NDArray[np.int64] | None = None
     name: str = "gnss"
     history: tuple[str, ...] = field(default=())
+    assumptions: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
         time = frozen(self.time, "GNSS time", (None,))

@@ -39,6 +39,9 @@ class ImuRecording:
         Degrees Celsius.
     history : tuple of str
         What was done to the data since the file, oldest first.
+    assumptions : tuple of str
+        What was taken for granted on reading: units, rates and axes that nobody named, rows left
+        out, columns not used.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class ImuRecording:
     name: str = "imu"
     temperature: FloatArray | None = None
     history: tuple[str, ...] = field(default=())
+    assumptions: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
         time = frozen(self.time, "IMU time", (None,))

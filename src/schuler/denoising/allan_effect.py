@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.curves.allan import AllanCurve, allan_deviation
+from schuler.curves.allan import allan_deviation
+from schuler.curves.allan_curve import AllanCurve
 from schuler.data.to_dict import ToDict
 from schuler.denoising.wavelet import Denoised
 from schuler.errors import InputError

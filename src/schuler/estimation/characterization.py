@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
-from schuler.curves.allan import allan_deviation
 from schuler.data.imu import ImuRecording
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, SchulerError
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
-from schuler.estimation.joint_fit import fit_factors, identify_curve
+from schuler.estimation.ieee952 import classical_reading, ieee952_to_dict
+from schuler.estimation.record import spell_duration
 from schuler.noise import NoiseModel, Process
-from schuler.noise.gauss_markov import FLICKER_LEVEL
 from schuler.types import FloatArray
 from schuler.units import format_value
 
@@ -54,17 +53,23 @@ class ImuCharacterization(ToDict):
     rate: float
     duration: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON: SI, with standard errors."""
+        coefficients = {
+            c: ieee952_to_dict(one.ieee952, classical_reading(one.curve, one.slopes, one.process))
+            for c, one in self.channels.items()
+        }
+        return ToDict.to_dict(self) | {"ieee952": coefficients}
 
-def characterize_imu(
-    imu: ImuRecording, model: Literal["auto", "classical"] | Process = "auto"
-) -> ImuCharacterization:
+
+def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCharacterization:
     """Identify the noise of every channel of a recording at rest.
 
     Parameters
     ----------
     imu : ImuRecording
         Lying still, evenly sampled (screen and repair it first).
-    model : {"auto", "classical"} or Process
+    model : str or Process
         As for `identify`, for every channel.
 
     Returns
@@ -79,18 +84,11 @@ def characterize_imu(
     """
     rate = imu.rate
     channels: dict[str, Identification] = {}
-    for data, sensor in ((imu.gyro, "gyro"), (imu.accel, "accel")):
-        names = [c for c in imu.channels if c.startswith(sensor)]
-        if not names:
-            continue
-        columns = ["xyz".index(c[-1]) for c in names]
-        values = data if len(columns) == 3 else data[:, columns]
-        curves = allan_deviation(values, rate, fit_factors(imu.size) / rate)
-        for j, name in enumerate(names):
-            try:
-                channels[name] = identify_curve(curves.column(j), model)
-            except SchulerError as error:
-                raise error.at(f"{imu.name}, {name}") from None
+    for name in imu.channels:
+        try:
+            channels[name] = identify_signal(imu.channel(name), rate, model)
+        except SchulerError as error:
+            raise error.at(f"{imu.name}, {name}") from None
     if not channels:
         raise EstimationError(f"recording '{imu.name}' has no channel", expected="at least one")
     return ImuCharacterization(
@@ -100,7 +98,8 @@ def characterize_imu(
             processes={c: found.process for c, found in channels.items()},
             standard_errors={c: found.standard_errors for c, found in channels.items()},
             rate=rate,
-            source=f"fit to the Allan deviation of {imu.name}, {_hours(imu.duration)} at rest",
+            source=f"fit to the Allan deviation of {imu.name}, "
+            f"{spell_duration(imu.duration)} at rest",
             limits={c: found.limits for c, found in channels.items()},
         ),
         findings=tuple(_findings(imu, channels)),
@@ -109,13 +108,10 @@ def characterize_imu(
     )
 
 
-def _hours(seconds: float) -> str:
-    return f"{seconds / 3600.0:.1f} h" if seconds >= 7200.0 else f"{seconds / 60.0:.0f} min"
-
-
 def _findings(imu: ImuRecording, channels: Mapping[str, Identification]) -> list[str]:
-    lines = [_record_length(imu, channels)]
+    lines = [*_flags(channels), _record_length(imu, channels)]
     lines += [text for c, found in channels.items() if (text := _crossing(c, found))]
+    lines += [text for c, found in channels.items() if (text := _undecided(c, found))]
     lines += _not_seen(channels)
     rough = {c: f for c, f in channels.items() if f.diagnostics.discrepancy > _NOTABLE_DISCREPANCY}
     if rough:
@@ -149,37 +145,54 @@ def _record_length(imu: ImuRecording, channels: Mapping[str, Identification]) ->
         for verdict in found.verdict.parameters
     ]
     error, channel, verdict = max(weakest, key=lambda w: w[0])
-    length = _hours(imu.duration)
+    length = spell_duration(imu.duration)
     if verdict.enough:
         return f"{length} were recorded, enough for every parameter to be known to 10 % or better"
     where = f"{channel} {verdict.parameter.replace('.', ' ').replace('_', ' ')}"
     return (
         f"{length} were recorded; the least certain parameter, {where}, is known to "
-        f"{100.0 * error:.0f} %: 10 % would take about {_hours(verdict.wanted_duration)}"
+        f"{100.0 * error:.0f} %: 10 % would take about {spell_duration(verdict.wanted_duration)}"
     )
+
+
+def _flags(channels: Mapping[str, Identification]) -> list[str]:
+    """What was done to the signals, channels of the same flag together."""
+    said: dict[str, list[str]] = {}
+    for channel, found in channels.items():
+        for flag in found.flags:
+            said.setdefault(flag, []).append(channel)
+    return [f"{_join(names)}: {flag}" for flag, names in said.items()]
 
 
 def _crossing(channel: str, found: Identification) -> str | None:
     """Warn where the flat part is only where white noise and random walk cross (spec 2.4 b)."""
-    curve, process = found.curve, found.process
+    curve = found.curve
     lowest = int(np.argmin(curve.deviation))
     if not 0 < lowest < curve.tau.size - 1:
         return None
-    tau = curve.tau[lowest : lowest + 1]
-    crossing = sum(
-        float(part.allan_variance(tau)[0])
-        for part in process.parts
-        if part.kind in ("white_noise", "random_walk")
-    )
-    share = math.sqrt(crossing / float(process.allan_variance(tau)[0]))
-    if "random_walk" not in {p.kind for p in process.parts} or share < 0.5:
+    reading = classical_reading(curve, found.slopes, found.process)
+    if "random_walk" not in {p.kind for p in found.process.parts} or reading.flicker_share > 0.5:
         return None
-    read = float(curve.deviation[lowest]) / FLICKER_LEVEL
     kind = f"{channel.split('_')[0]} bias instability"
     return (
         f"{channel}: the bias instability that one would read off the lowest point, "
-        f"{format_value(read, kind, digits=3)} at {tau[0]:.3g} s, is for {100.0 * share:.0f} % "
-        f"just where white noise and random walk cross: use the fitted processes instead"
+        f"{format_value(reading.minimum, kind, digits=3)} at {reading.minimum_at:.3g} s, is for "
+        f"{100.0 * (1.0 - reading.flicker_share):.0f} % just where white noise and random walk "
+        f"cross: use the fitted processes instead"
+    )
+
+
+def _undecided(channel: str, found: Identification) -> str | None:
+    """Name the structure that describes the data nearly as well."""
+    rivals = found.rivals
+    if not rivals:
+        return None
+    own = " + ".join(p.label or p.kind for p in found.process.parts)
+    other = min(rivals, key=lambda s: rivals[s])
+    spoken = other.replace("_", " ").replace("gauss markov", "Gauss-Markov")
+    return (
+        f"{channel}: {own} is the best description, but {spoken} is nearly as good (its criterion "
+        f"is {rivals[other]:.1f} worse): a longer record would tell"
     )
 
 

@@ -13,26 +13,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.confidence import allan_covariance
-from schuler.noise import Process, ProcessSum
+from schuler.estimation.optimizer import Rules, Slopes, minimise
+from schuler.estimation.parts import (
+    FittedParts,
+    evaluate,
+    free_parameters,
+    log_bounds,
+    logs_of,
+    under,
+    with_logs,
+)
+from schuler.noise import (
+    BiasInstability,
+    Process,
+    ProcessSum,
+    Quantization,
+    RandomWalk,
+    RateRamp,
+    WhiteNoise,
+)
 from schuler.types import FloatArray
 
-FREE: dict[str, tuple[str, ...]] = {
-    "white_noise": ("density",),
-    "quantization": ("step_density",),
-    "gauss_markov": ("sigma", "correlation_time"),
-    "random_walk": ("density",),
-    "bias_instability": ("level",),
-    "rate_ramp": ("slope",),
-    "sinusoid": ("amplitude",),
-    "turn_on_bias": (),
-}
-"""What a fit finds, by kind; the first is the amplitude. The rest of a process stays as given."""
-
 _LOADING = 0.01
-_STEP = 1e-4
 _NOTHING = 1e-9
+_ONE_SIDED = 1.645
+_RULES = Rules(gain=(1e-5, 1e-3), hold=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,16 +74,23 @@ class CurvePoints:
         """Length of the record in s."""
         return self.samples * self.dt
 
+    def of(self, process: Process) -> FloatArray:
+        """Allan variance of a process at the points."""
+        return process.sampled_allan_variance(self.factors, self.dt)
+
+    def under(self, part: Process, share: float = 0.5) -> Process:
+        """Give a part a size at which it is nowhere above a share of the variance."""
+        return under(part, self.variance, self.of, share)
+
     def slower_than(self, factor: int) -> CurvePoints:
         """Return the points with clusters of at least `factor` samples."""
         keep = self.factors >= factor
-        return CurvePoints(
-            self.tau[keep],
-            self.variance[keep],
-            self.factors[keep],
-            self.samples,
-            self.dt,
-            self.degrees_of_freedom[keep],
+        return replace(
+            self,
+            tau=self.tau[keep],
+            variance=self.variance[keep],
+            factors=self.factors[keep],
+            degrees_of_freedom=self.degrees_of_freedom[keep],
         )
 
 
@@ -93,6 +107,12 @@ def thin(curve: AllanCurve, per_decade: float) -> CurvePoints:
         dt=1.0 / curve.rate,
         degrees_of_freedom=curve.degrees_of_freedom[keep],
     )
+
+
+def scattering(process: Process) -> Process:
+    """What of a process scatters; white noise stands in where nothing does."""
+    parts = tuple(p for p in process.components if p.random)
+    return ProcessSum(parts) if parts else WhiteNoise(1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,106 +137,48 @@ class Scatter:
     whitener: FloatArray
 
     @classmethod
-    def of(cls, sampling: FloatArray, bias: FloatArray, discrepancy: float = 0.0) -> Scatter:
-        """Make one from its covariance; parameters as above."""
-        from scipy.linalg import solve_triangular
+    def of(cls, relative: FloatArray, loading: float = 0.0, discrepancy: float = 0.0) -> Scatter:
+        """Make one from the covariance of relative errors of the variances.
 
-        total = sampling + discrepancy**2 * np.eye(len(sampling))
-        whitener = solve_triangular(np.linalg.cholesky(total), np.eye(len(total)), lower=True)
-        return cls(sampling, bias, discrepancy, np.asarray(whitener))
+        A chi-square with few degrees of freedom scatters more in its logarithm than 2/nu; a little
+        independent scatter, the loading, keeps nearly equal neighbours from voting against each
+        other.
+        """
+        from scipy.special import digamma, polygamma
+
+        half = 1.0 / np.diag(relative)
+        stretch = np.sqrt(polygamma(1, half) * half)
+        sampling = relative * np.outer(stretch, stretch)
+        sampling += np.diag(loading * np.diag(sampling))
+        bias = np.asarray(digamma(half) - np.log(half))
+        return cls(sampling, bias, 0.0, sampling).with_discrepancy(discrepancy)
 
     def with_discrepancy(self, discrepancy: float) -> Scatter:
         """Return the same scatter with another discrepancy."""
-        return Scatter.of(self.sampling, self.bias, discrepancy)
+        from scipy.linalg import solve_triangular
+
+        total = self.sampling + discrepancy**2 * np.eye(len(self.sampling))
+        whitener = solve_triangular(np.linalg.cholesky(total), np.eye(len(total)), lower=True)
+        return Scatter(self.sampling, self.bias, discrepancy, np.asarray(whitener))
 
 
 def scatter_of(process: Process, points: CurvePoints, discrepancy: float = 0.0) -> Scatter:
     """Return the scatter of the points if the signal is `process`."""
-    from scipy.special import digamma, polygamma
-
     relative = allan_covariance(process, points.factors, points.samples, points.dt)
-    half = 1.0 / np.diag(relative)
-    # a chi-square with few degrees of freedom scatters more in its logarithm than 2/nu
-    stretch = np.sqrt(polygamma(1, half) * half)
-    sampling = relative * np.outer(stretch, stretch)
-    # a little independent scatter keeps nearly equal neighbours from voting against each other
-    sampling += np.diag(_LOADING * np.diag(sampling))
-    return Scatter.of(sampling, np.asarray(digamma(half) - np.log(half)), discrepancy)
+    return Scatter.of(relative, _LOADING, discrepancy)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StructureFit:
-    """The best parameters of one structure.
+class StructureFit(FittedParts):
+    """The best parameters of one structure, the cost being the whitened misfit.
 
     Parameters
     ----------
-    parts : tuple of Process
-        Fitted.
-    names : tuple of (int, str)
-        Part and field of every free parameter.
-    log_covariance : (p, p) ndarray
-        Covariance of the logarithms of the free parameters.
-    chi_square : float
-        Whitened misfit.
     residuals : (t,) ndarray
         Logarithm of measured over modelled variance, bias of the logarithm taken off.
-    converged : bool
-        The iteration ended by itself.
     """
 
-    parts: tuple[Process, ...]
-    names: tuple[tuple[int, str], ...]
-    log_covariance: FloatArray
-    chi_square: float
     residuals: FloatArray
-    converged: bool
-
-    @property
-    def process(self) -> ProcessSum:
-        """The fitted sum."""
-        return ProcessSum(self.parts)
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds of the parts."""
-        return tuple(p.kind for p in self.parts)
-
-
-def free_parameters(parts: Sequence[Process]) -> tuple[tuple[int, str], ...]:
-    """List part and field of everything a fit finds."""
-    return tuple((k, name) for k, part in enumerate(parts) for name in FREE[part.kind])
-
-
-def _with(
-    parts: Sequence[Process], names: Sequence[tuple[int, str]], logs: FloatArray
-) -> list[Process]:
-    values: list[dict[str, float]] = [{} for _ in parts]
-    for (k, name), log in zip(names, logs, strict=True):
-        values[k][name] = math.exp(log)
-    return [replace(p, **v) if v else p for p, v in zip(parts, values, strict=True)]  # type: ignore[type-var]
-
-
-def _evaluate(
-    parts: Sequence[Process], names: Sequence[tuple[int, str]], logs: FloatArray, tau: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the log model (t,) and its Jacobian (t, p)."""
-    now = _with(parts, names, logs)
-    components = [p.allan_variance(tau) for p in now]
-    total = np.sum(components, axis=0)
-    jacobian = np.empty((tau.size, len(names)))
-    for j, (k, name) in enumerate(names):
-        if name == FREE[now[k].kind][0]:
-            jacobian[:, j] = 2.0 * components[k] / total
-        else:
-            moved = replace(now[k], **{name: math.exp(logs[j] + _STEP)})  # type: ignore[type-var]
-            jacobian[:, j] = (moved.allan_variance(tau) - components[k]) / (_STEP * total)
-    return np.log(total), jacobian
-
-
-def log_jacobian(fit: StructureFit, tau: FloatArray) -> FloatArray:
-    """Derivatives of the log model by the logarithms of the parameters."""
-    logs = np.array([math.log(max(abs(getattr(fit.parts[k], n)), 1e-300)) for k, n in fit.names])
-    return _evaluate(fit.parts, fit.names, logs, tau)[1]
 
 
 def fit_structure(
@@ -224,45 +186,48 @@ def fit_structure(
 ) -> StructureFit:
     """Minimise the whitened misfit of the log curve over the logarithms of the parameters."""
     names = free_parameters(parts)
-    logs = np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
-    times = np.array([n == "correlation_time" for _, n in names], dtype=bool)
-    low, high = math.log(points.tau[0]), math.log(20.0 * points.duration)
     target = np.log(points.variance) - scatter.bias
-    model, jacobian = _evaluate(parts, names, logs, points.tau)
-    residual = scatter.whitener @ (target - model)
-    cost, damping, converged = float(residual @ residual), 1e-2, False
-    for _ in range(iterations):
-        slopes = scatter.whitener @ jacobian
-        normal, gradient = slopes.T @ slopes, slopes.T @ residual
-        scale = np.diag(np.maximum(np.diag(normal), 1e-8))
-        step = np.linalg.solve(normal + damping * scale, gradient)
-        trial = logs + np.clip(step, -1.5, 1.5)
-        trial[times] = np.clip(trial[times], low, high)
-        model_there, jacobian_there = _evaluate(parts, names, trial, points.tau)
-        residual_there = scatter.whitener @ (target - model_there)
-        cost_there = float(residual_there @ residual_there)
-        if cost_there <= cost:
-            gained = cost - cost_there
-            logs, residual, cost = trial, residual_there, cost_there
-            model, jacobian = model_there, jacobian_there
-            damping = max(0.1 * damping, 1e-9)
-            if gained < 1e-5 * (1.0 + 1e-3 * cost):
-                converged = True
-                break
-        else:
-            damping *= 10.0
-            if damping > 1e10:
-                converged = True
-                break
-    slopes = scatter.whitener @ jacobian
-    information = slopes.T @ slopes
+
+    def slopes(logs: FloatArray) -> Slopes[FloatArray]:
+        total, jacobian = evaluate(parts, names, logs, points.of)
+        residual = target - np.log(total)
+        white = scatter.whitener @ residual
+        columns = scatter.whitener @ (jacobian / total[:, None])
+        return Slopes(float(white @ white), columns.T @ white, columns.T @ columns, residual)
+
+    bounds = log_bounds(parts, names, float(points.tau[0]), points.duration)
+    rules = replace(_RULES, iterations=iterations)
+    found = minimise(slopes, logs_of(parts, names), bounds, rules)
     # what the curve says nothing about keeps a finite, very large variance
-    information += np.diag(np.full(len(names), _NOTHING))
+    information = found.slopes.curvature + np.diag(np.full(len(names), _NOTHING))
     return StructureFit(
-        parts=tuple(_with(parts, names, logs)),
+        parts=with_logs(parts, names, found.at),
         names=names,
         log_covariance=np.asarray(np.linalg.inv(information), dtype=np.float64),
-        chi_square=cost,
-        residuals=target - model,
-        converged=converged,
+        cost=found.value,
+        converged=found.converged,
+        residuals=found.slopes.state,
     )
+
+
+def limits_of(fit: FittedParts, points: CurvePoints, scatter: Scatter) -> dict[str, float]:
+    """95 % upper limits of the terms that are not in a model, all others being free."""
+    model, jacobian = evaluate(fit.parts, fit.names, fit.logs, points.of)
+    known = scatter.whitener @ (jacobian / model[:, None])
+    residual = scatter.whitener @ (np.log(points.variance) - scatter.bias - np.log(model))
+    limits: dict[str, float] = {}
+    flicker = BiasInstability.of_samples(1.0, points.dt, points.duration)
+    for term in (RandomWalk(1.0), Quantization(1.0), RateRamp(1.0), flicker):
+        if term.kind in fit.kinds:
+            continue
+        # linear in the square of the amplitude, which may come out on either side of zero
+        column = scatter.whitener @ (points.of(term) / model)
+        free = column - known @ np.linalg.lstsq(known, column, rcond=1e-10)[0]
+        information = float(free @ free)
+        if information <= 0.0:
+            continue
+        square = max(float(free @ residual) / information, 0.0)
+        limits[f"{term.kind}.{term.size_name()}"] = math.sqrt(
+            square + _ONE_SIDED / math.sqrt(information)
+        )
+    return limits

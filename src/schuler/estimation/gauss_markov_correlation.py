@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from schuler.curves.autocorrelation import AutocorrelationCurve
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
+from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.noise import GaussMarkov, ProcessSum, WhiteNoise
 from schuler.types import FloatArray
 
@@ -24,6 +25,7 @@ _REACH = 3.0
 _REJECT = 0.01
 _FEWEST_TIMES = 20.0
 _SEARCH = 40
+_RULES = Rules(iterations=30, damping=1e-9, longest=0.7, ridge=1e-12, gain=(1e-6, 1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,32 +191,15 @@ def _iterate(
     def whitened(what: FloatArray) -> FloatArray:
         return np.asarray(solve_triangular(lower, what, lower=True))
 
-    def misfit(at: FloatArray) -> float:
-        residual = whitened(relative[use] - _model(at, lags, n)[0])
-        return float(residual @ residual)
+    def slopes(at: FloatArray) -> Slopes[None]:
+        model, jacobian = _model(at, lags, n)
+        columns, residual = whitened(jacobian), whitened(relative[use] - model)
+        return Slopes(float(residual @ residual), columns.T @ residual, columns.T @ columns, None)
 
-    cost, settled = misfit(state), False
-    for _ in range(30):
-        model, jacobian = _model(state, lags, n)
-        slopes, residual = whitened(jacobian), whitened(relative[use] - model)
-        step = np.linalg.lstsq(slopes, residual, rcond=1e-12)[0]
-        step = np.clip(step, -0.7, 0.7)
-        while np.abs(step).max() > 1e-9:
-            trial = state + step
-            trial[1] = np.clip(trial[1], math.log(0.3), math.log(relative.size))
-            there = misfit(trial)
-            if there <= cost:
-                break
-            step = 0.5 * step
-        else:
-            settled = True
-            break
-        gained, state, cost = cost - there, trial, there
-        if gained < 1e-6 * (1.0 + cost):
-            settled = True
-            break
-    slopes = whitened(_model(state, lags, n)[1])
-    return state, slopes.T @ slopes, cost, settled
+    low = np.array([-np.inf, math.log(0.3), -np.inf])
+    high = np.array([np.inf, math.log(relative.size), np.inf])
+    found = minimise(slopes, state, (low, high), _RULES)
+    return found.at, found.slopes.curvature, found.value, found.converged
 
 
 def _result(

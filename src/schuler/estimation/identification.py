@@ -6,13 +6,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.data.to_dict import ToDict, plain
+from schuler.estimation.disturbances.lines import Line
+from schuler.estimation.ieee952 import (
+    Coefficient,
+    classical_reading,
+    ieee952_of,
+    ieee952_to_dict,
+)
 from schuler.estimation.record import RecordVerdict
 from schuler.estimation.result import fitted_to_dict
 from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum
 from schuler.types import FloatArray
+
+CLOSE = 6.0
+"""Difference of the criterion within which two structures cannot be told apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +81,8 @@ class Identification(ToDict):
         Record length against need.
     flags : tuple of str
         What to know before use, in plain words; empty if nothing.
+    lines : tuple of Line
+        Lines of vibration that were taken out first.
     """
 
     JSON = "upper_limits_95=limits slope_method=slopes record=verdict"
@@ -84,6 +96,7 @@ class Identification(ToDict):
     slopes: SlopeReadings
     verdict: RecordVerdict
     flags: tuple[str, ...] = field(default=(), kw_only=True)
+    lines: tuple[Line, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> str:
@@ -96,6 +109,19 @@ class Identification(ToDict):
         values = self.process.parameters
         return {key: values[key] for key in self.standard_errors}
 
+    @property
+    def ieee952(self) -> dict[str, Coefficient]:
+        """N, B, K, Q, R of IEEE Std 952, SI."""
+        return ieee952_of(self.process, self.standard_errors, self.limits)
+
+    @property
+    def rivals(self) -> dict[str, float]:
+        """Structures nearly as good as the chosen one, and by how much they are worse."""
+        tried = self.diagnostics.candidates
+        best = min(tried.values(), default=0.0)
+        own = " + ".join(p.kind for p in self.process.parts)
+        return {s: c - best for s, c in tried.items() if c - best < CLOSE and s != own}
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, in SI."""
         d = self.diagnostics
@@ -106,5 +132,8 @@ class Identification(ToDict):
             "candidates": d.candidates,
         }
         named = fitted_to_dict(self.process, self.parameters, self.standard_errors, self.intervals)
-        flags = {"flags": list(self.flags)} if self.flags else {}
-        return ToDict.to_dict(self) | named | {"misfit": plain(misfit)} | flags
+        more = {"flags": self.flags, "lines": self.lines}
+        reading = classical_reading(self.curve, self.slopes, self.process)
+        named |= {"ieee952": ieee952_to_dict(self.ieee952, reading)}
+        told = {"misfit": misfit} | {key: value for key, value in more.items() if value}
+        return ToDict.to_dict(self) | named | {key: plain(value) for key, value in told.items()}

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
 from schuler.estimation import series_methods, structure_methods
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
-from schuler.estimation.joint_fit import identify as identify_allan
+from schuler.estimation.parts import checked_model
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.signals import checked_signal, outlier_flag
 from schuler.noise import Process
@@ -62,7 +63,7 @@ _SHORTEST_RECORD = 100
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = ...,
+    model: str | Process = ...,
     method: Literal["allan"] = ...,
     *,
     order: Order = ...,
@@ -72,7 +73,7 @@ def identify(
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = ...,
+    model: str | Process = ...,
     *,
     method: str,
     order: Order = ...,
@@ -82,7 +83,7 @@ def identify(
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process,
+    model: str | Process,
     method: str,
     *,
     order: Order = ...,
@@ -91,13 +92,60 @@ def identify(
 def identify(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     method: str = "allan",
     *,
     order: Order = None,
     shortest: float | None = None,
 ) -> Identification | MethodIdentification:
-    """Find the processes that a signal is made of, with standard errors, by the method named."""
+    """Find the processes that a signal is made of, with standard errors.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at rest, in rad/s or m/s² (or any unit; the result is in the same).
+    rate : float
+        Samples a second.
+    model : str or Process
+        "auto" chooses among white noise, quantisation, bias instability (flicker), up to three
+        Gauss-Markov noises, random walk and ramp; "classical" is W+B+K, as datasheets have it;
+        letters such as "W+G+G+K" fix the structure (W white noise, Q quantisation, B bias
+        instability, G Gauss-Markov, K random walk, R ramp); a process (sum) fixes it and gives
+        start values.
+    method : str
+        "allan" (generalised least squares on the logarithm of the Allan variance), or any other
+        of `METHODS`.
+    order : int or (int, int), optional
+        Of "ar" and its relatives, "arma", "garch", "fos"; chosen where not given.
+    shortest : float, optional
+        Time in s below which "psd" and "ml" do not look.
+
+    Returns
+    -------
+    Identification or MethodIdentification
+        Process, errors, limits, misfit, verdict on the record.
+
+    Raises
+    ------
+    InputError
+        Not one-dimensional, not finite, an impossible rate, an unknown method or model.
+    EstimationError
+        Fewer than 100 samples, or a signal that does not vary.
+    ModelError
+        A structure that the method cannot fit.
+
+    Notes
+    -----
+    Spec 2.4 (b), with the covariance of neighbouring points from the fitted process itself.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> signal = schuler.WhiteNoise(1e-3).simulate(20_000, 0.01, np.random.default_rng(1))
+    >>> found = schuler.identify(signal, 100.0)
+    >>> round(found.parameters["white_noise.density"], 5)
+    0.001
+    """
     if method not in METHODS:
         raise InputError(f"method '{method}'", expected=", ".join(METHODS))
     if order is not None and method in STRUCTURAL:
@@ -106,13 +154,12 @@ def identify(
         )
     if not (math.isfinite(rate) and rate > 0.0):
         raise InputError(f"rate is {rate:g} Hz", expected="a finite number above zero")
-    if not isinstance(model, Process) and model not in ("auto", "classical"):
-        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
+    model = checked_model(model)
     if shortest is not None and not 0.0 < shortest < math.inf:
         raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
     values = checked_signal(signal, _SHORTEST_RECORD)
     if method == "allan":
-        found = identify_allan(values, rate, model)
+        found = identify_signal(values, float(rate), model)
         outlier = outlier_flag(values - values.mean())
         return replace(found, flags=(outlier,)) if outlier else found
     if method in STRUCTURAL:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import EstimationError, InputError
-from schuler.estimation.series import prepare
+from schuler.estimation.signals import prepare
 from schuler.types import FloatArray
 
 __all__ = ["check_prediction_floor", "innovation_variance", "innovation_variance_of_signal"]

@@ -18,11 +18,26 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.data.to_dict import plain
 from schuler.errors import EstimationError, InputError, ModelError
-from schuler.estimation.curve_fit import free_parameters
-from schuler.estimation.gmwm.fit import fit_gmwm_curves, tail_ratio
-from schuler.estimation.gmwm.moments import Names, with_logs
-from schuler.estimation.gmwm.scatter import misfit, relative_covariance
+from schuler.estimation.curve_fit import limits_of
+from schuler.estimation.disturbances.outliers import contamination
+from schuler.estimation.gmwm.fit import fit_gmwm_curves
+from schuler.estimation.gmwm.scatter import (
+    misfit,
+    pooled_points,
+    pooled_scatter,
+    relative_covariance,
+)
 from schuler.estimation.identification import FitDiagnostics, Identification
+from schuler.estimation.optimizer import Rules, Slopes, minimise
+from schuler.estimation.parts import (
+    FittedParts,
+    Names,
+    estimates_of,
+    free_parameters,
+    log_bounds,
+    logs_of,
+    with_logs,
+)
 from schuler.estimation.record import judge_record
 from schuler.estimation.slopes import slope_method
 from schuler.noise import (
@@ -30,18 +45,16 @@ from schuler.noise import (
     GaussMarkov,
     Process,
     ProcessSum,
-    RandomWalk,
     RateRamp,
     WhiteNoise,
 )
+from schuler.noise.elements import Elements
 from schuler.types import FloatArray
 
-_KINDS = ("white_noise", "gauss_markov", "random_walk", "bias_instability", "turn_on_bias")
 _SHORTEST_RECORD = 100
 _STEP = 1e-6
 _STEADY = 1e-13
-_CLOSE = 1e-7
-_ROUNDING = 1e-12
+_RULES = Rules(damping=1e-3, most=1e8, floor=1e-6, ridge=1e-9, close=1e-7, rounding=1e-12)
 _LONGEST_BLOCK = 64
 _FEWEST_BLOCKS = 20_000
 _VANISHED = 1e-7
@@ -90,7 +103,7 @@ class LikelihoodIdentification(Identification):
 def fit_maximum_likelihood(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     block: int | Literal["auto"] = 1,
 ) -> LikelihoodIdentification:
     """Find the parameters of a sum of processes by exact Gaussian maximum likelihood.
@@ -133,18 +146,19 @@ def fit_maximum_likelihood(
             f"signal has {values.size} samples", expected=f"at least {_SHORTEST_RECORD}"
         )
     curve = wavelet_variance(values, rate)
-    begin = fit_gmwm_curves([curve], _known(model), tail_ratio(values))
+    begin = fit_gmwm_curves([curve], _known(model), contamination(values).ratio)
     flags = [f for f in begin.flags if f.startswith("heavy tails")]
     line = RateRamp(0.0)
     if any(isinstance(p, RateRamp) for p in begin.process.parts):
         values, line = _without_line(values, rate)
         flags.append(f"a line of {line.slope:.4g} a second was taken off by least squares first")
         begin = fit_gmwm_curves([wavelet_variance(values, rate)], _known(model))
-    parts = tuple(p for p in begin.process.parts if p.kind in _KINDS)
+    fastest = 0.43 / rate
+    parts = tuple(q for p in begin.process.parts if p.likelihood for q in p.coarser(fastest))
     flags += [
         f"{p.kind} is part of the wavelet fit but not of this likelihood, and was left out"
         for p in begin.process.parts
-        if p.kind not in _KINDS and not isinstance(p, RateRamp)
+        if not p.likelihood and not isinstance(p, RateRamp)
     ]
     if not any(isinstance(p, WhiteNoise | GaussMarkov | BiasInstability) for p in parts):
         parts = (WhiteNoise(math.sqrt(2.0 * float(curve.variance[0]) / rate)), *parts)
@@ -157,10 +171,12 @@ def fit_maximum_likelihood(
 
 
 def _known(
-    model: Literal["auto", "classical"] | Process,
-) -> Literal["auto", "classical"] | Process:
+    model: str | Process,
+) -> str | Process:
     if isinstance(model, Process):
-        strange = [p.kind for p in model.components if p.kind not in (*_KINDS, "rate_ramp")]
+        strange = [
+            p.kind for p in model.components if not (p.likelihood or isinstance(p, RateRamp))
+        ]
         if strange:
             raise ModelError(
                 f"the likelihood does not know '{strange[0]}'",
@@ -179,7 +195,7 @@ def _without_line(values: NDArray[Any], rate: float) -> tuple[FloatArray, RateRa
 
 def _block(wanted: int | str, parts: Sequence[Process], samples: int, dt: float) -> int:
     if wanted == "auto":
-        white = math.fsum(p.density**2 for p in parts if isinstance(p, WhiteNoise)) / dt
+        white = math.fsum(p.elements(dt).white for p in parts)
         block = 1
         while block < _LONGEST_BLOCK and samples // (2 * block) >= _FEWEST_BLOCKS:
             # what the other processes add from mean to mean must stay well below white noise
@@ -216,23 +232,14 @@ def _states(parts: Sequence[Process], dt: float, block: int) -> tuple[FloatArray
     With w_j the step from sample j - 1 to j of a block, the mean holds (1/b) sum w_j c_j,
     c_j = 1 + phi + ... + phi^(b-1-j), and the state at the next block holds phi^(b-j) w_j.
     """
-    noises: list[GaussMarkov] = []
-    white, walk = 0.0, 0.0
-    for part in parts:
-        if isinstance(part, GaussMarkov):
-            noises.append(part)
-        elif isinstance(part, BiasInstability):
-            noises += part.gauss_markovs
-        elif isinstance(part, WhiteNoise):
-            white += part.density**2 / dt
-        elif isinstance(part, RandomWalk):
-            walk += part.density**2 * dt
+    seen = Elements.together([p.elements(dt) for p in parts])
+    noises = seen.gauss_markovs
     rows = np.empty((5, len(noises) + 1))
-    noise = white / block
+    noise = seen.white / block
     for k in range(len(noises) + 1):
         is_level = k == len(noises)
-        decay = 0.0 if is_level else dt / noises[k].correlation_time
-        variance = walk if is_level else -(noises[k].sigma ** 2) * math.expm1(-2.0 * decay)
+        start, decay = (0.0, 0.0) if is_level else (noises[k][0], dt / noises[k][1])
+        variance = seen.walk if is_level else -start * math.expm1(-2.0 * decay)
         powers = np.exp(-decay * np.arange(block))
         sums = np.cumsum(powers)
         within, across = sums[: block - 1], np.exp(-decay * np.arange(1, block))
@@ -240,7 +247,7 @@ def _states(parts: Sequence[Process], dt: float, block: int) -> tuple[FloatArray
         rows[1, k] = sums[-1] / block
         rows[2, k] = variance * float(np.sum(powers**2))
         rows[3, k] = variance * float(within @ across) / block
-        rows[4, k] = 0.0 if is_level else noises[k].sigma ** 2
+        rows[4, k] = start
         noise += variance * float(within @ within) / block**2
     return rows, noise
 
@@ -264,7 +271,7 @@ def _evaluate(
     block: int,
 ) -> tuple[float, float, FloatArray, FloatArray]:
     """Log-likelihood, innovation variance, score and information at `logs`."""
-    from schuler.kernels.likelihood import likelihood_pass
+    from schuler.kernels.noise.likelihood import likelihood_pass
 
     moved = [logs, *(logs + _STEP * unit for unit in np.eye(logs.size))]
     built = [_states(with_logs(parts, names, m), dt, block) for m in moved]
@@ -289,68 +296,43 @@ def _evaluate(
 
 def _maximise(parts: Sequence[Process], data: FloatArray, dt: float, block: int) -> _Maximum:
     """Fisher scoring with damping; amplitudes and times stay within what the data can show."""
-    names = tuple(f for f in free_parameters(parts) if parts[f[0]].kind != "rate_ramp")
+    names = tuple(f for f in free_parameters(parts) if parts[f[0]].random)
     if not names:
         raise ModelError("the model has no parameter that a likelihood shows")
     spread = float(np.std(np.diff(data)))
     if spread == 0.0:
         raise EstimationError("signal does not vary", expected="noise")
-    times = np.array([n == "correlation_time" for _, n in names], dtype=bool)
-    low = np.where(times, math.log(0.5 * block * dt), math.log(_VANISHED * spread * math.sqrt(dt)))
-    high = np.where(times, math.log(20.0 * data.size * block * dt), math.inf)
-    begin = np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
-    logs = np.clip(begin, low, high)
-    value, variance, score, information = _evaluate(parts, names, logs, data, dt, block)
-    damping, converged = 1e-3, False
-    for _ in range(60):
-        held = ((logs <= low) & (score < 0.0)) | ((logs >= high) & (score > 0.0))
-        free = np.flatnonzero(~held)
-        if free.size == 0:
-            converged = True
-            break
-        normal = information[np.ix_(free, free)]
-        normal = normal + 1e-9 * np.diag(np.maximum(np.diag(normal), 1e-6))
-        full = np.linalg.solve(normal, score[free])
-        if float(score[free] @ full) < _CLOSE:
-            converged = True
-            break
-        scaled = normal + damping * np.diag(np.diag(normal))
-        trial = logs.copy()
-        trial[free] += np.clip(np.linalg.solve(scaled, score[free]), -1.5, 1.5)
-        trial = np.clip(trial, low, high)
-        there = _evaluate(parts, names, trial, data, dt, block)
-        if math.isfinite(there[0]) and there[0] > value - _ROUNDING * abs(value):
-            logs, (value, variance, score, information) = trial, there
-            damping = max(0.1 * damping, 1e-9)
-        else:
-            damping *= 10.0
-            if damping > 1e8:
-                break
-    covariance = np.asarray(
-        np.linalg.inv(information + 1e-9 * np.eye(len(names))), dtype=np.float64
+    low, high = log_bounds(parts, names, 0.5 * block * dt, data.size * block * dt)
+    low = np.maximum(low, math.log(_VANISHED * spread * math.sqrt(dt)))
+
+    def slopes(logs: FloatArray) -> Slopes[float]:
+        value, variance, score, information = _evaluate(parts, names, logs, data, dt, block)
+        return Slopes(-value, score, information, variance)
+
+    found = minimise(slopes, np.clip(logs_of(parts, names), low, high), (low, high), _RULES)
+    information = found.slopes.curvature + 1e-9 * np.eye(len(names))
+    return _Maximum(
+        with_logs(parts, names, found.at),
+        names,
+        np.asarray(np.linalg.inv(information), dtype=np.float64),
+        -found.value,
+        found.slopes.state,
+        found.converged,
     )
-    return _Maximum(with_logs(parts, names, logs), names, covariance, value, variance, converged)
 
 
 def _result(
     found: _Maximum, curve: WaveletVarianceCurve, block: int, count: int, flags: list[str]
 ) -> LikelihoodIdentification:
     process = ProcessSum(found.parts)
-    errors: dict[str, float] = {}
-    intervals: dict[str, tuple[float, float]] = {}
-    limits: dict[str, float] = {}
-    for j, (k, name) in enumerate(found.names):
-        key = f"{process.names[k]}.{name}"
-        value = float(getattr(found.parts[k], name))
-        spread = min(math.sqrt(max(float(found.covariance[j, j]), 0.0)), 50.0)
-        errors[key] = min(value * spread, 1e3 * value)
-        intervals[key] = (value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread))
-        if spread > 2.0:
-            limits[key] = value * math.exp(min(1.645 * spread, 20.0))
+    numbers = estimates_of(found.parts, found.names, found.covariance)
+    points = pooled_points([curve])
+    fitted = FittedParts(found.parts, found.names, found.covariance, 0.0, found.converged)
+    absent = limits_of(fitted, points, pooled_scatter(process, [curve], points))
     if not found.converged:
         flags.append("the search for the maximum did not converge")
     keep = curve.factors >= block
-    model = _sampled_wavelet_variance(process, curve.factors, 1.0 / curve.rate)
+    model = curve.of(process)
     scatter = relative_covariance(process, curve)[np.ix_(keep, keep)]
     chi_square = misfit(curve.variance[keep], model[keep], scatter)
     freedom = int(np.count_nonzero(keep)) - len(found.names)
@@ -358,9 +340,9 @@ def _result(
     parameters = len(found.names)
     return LikelihoodIdentification(
         process=process,
-        standard_errors=errors,
-        intervals=intervals,
-        limits=limits,
+        standard_errors=numbers.errors,
+        intervals=numbers.intervals,
+        limits={**absent, **numbers.limits},
         curve=curve.allan,
         diagnostics=FitDiagnostics(
             chi_square=chi_square,
@@ -372,7 +354,7 @@ def _result(
             converged=found.converged,
         ),
         slopes=slope_method(curve.allan),
-        verdict=judge_record(process, errors, curve.duration),
+        verdict=judge_record(process, numbers.errors, curve.duration),
         log_likelihood=found.log_likelihood,
         aic=2.0 * parameters - 2.0 * found.log_likelihood,
         bic=math.log(count) * parameters - 2.0 * found.log_likelihood,
@@ -381,21 +363,6 @@ def _result(
         wavelet=curve,
         flags=tuple(flags),
     )
-
-
-def _sampled_wavelet_variance(
-    process: ProcessSum, factors: NDArray[np.int64], dt: float
-) -> FloatArray:
-    """Wavelet variance of samples of the process, where closed forms average in between."""
-    out = np.empty(factors.size)
-    for j, m in enumerate(factors.tolist()):
-        (phi, load, drive, shared, start), noise = _states(process.parts, dt, m)
-        moved = load**2 * ((1.0 - phi) ** 2 * start + drive) - 2.0 * load * shared
-        out[j] = 0.25 * (float(np.sum(moved)) + 2.0 * noise)
-    ramps = [p for p in process.parts if isinstance(p, RateRamp)]
-    for ramp in ramps:
-        out += ramp.wavelet_variance(factors * dt)
-    return out
 
 
 def _misfit_flags(chi_square: float, freedom: int) -> list[str]:

@@ -18,7 +18,7 @@ from schuler.estimation.innovation_floor import (
     innovation_variance_of_signal,
 )
 from schuler.estimation.orthogonal_search.result import FosFit
-from schuler.estimation.series import prepare
+from schuler.estimation.signals import prepare
 from schuler.noise import Process
 from schuler.types import FloatArray, IntArray
 
@@ -182,7 +182,7 @@ def _model_predictor(model: ArFit | FosFit, data: FloatArray) -> Predictor:
 
 
 def _kalman_predictor(process: Process, centred: FloatArray, rate: float, mean: float) -> Predictor:
-    from schuler.kernels.prediction import kalman_states
+    from schuler.kernels.noise.prediction import kalman_states
 
     dt = 1.0 / rate
     space = process.state_space(dt)

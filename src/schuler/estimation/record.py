@@ -77,15 +77,17 @@ def judge_record(
     if weak:
         parts = ", ".join(f"{v.parameter} to {100.0 * v.relative_error:.0f} %" for v in weak)
         text = (
-            f"{_spell(duration)} recorded give {parts}; 10 % on everything takes about "
-            f"{_spell(wanted)}"
+            f"{spell_duration(duration)} recorded give {parts}; 10 % on everything takes about "
+            f"{spell_duration(wanted)}"
         )
     else:
-        text = f"{_spell(duration)} recorded are enough: every parameter is known to 10 % or better"
+        length = spell_duration(duration)
+        text = f"{length} recorded are enough: every parameter is known to 10 % or better"
     return RecordVerdict(duration, wanted, tuple(verdicts), text)
 
 
-def _spell(seconds: float) -> str:
+def spell_duration(seconds: float) -> str:
+    """A length of time for people."""
     if seconds < 120.0:
         return f"{seconds:.0f} s"
     if seconds < 7200.0:

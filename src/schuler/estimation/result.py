@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from schuler.data.to_dict import ToDict, plain
-from schuler.errors import ModelError
+from schuler.estimation.ieee952 import Coefficient, ieee952_of, ieee952_to_dict
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
 from schuler.noise import Process, ProcessSum
 
@@ -95,25 +95,10 @@ class MethodIdentification(ToDict):
     flags: tuple[str, ...]
     fit: Fit
 
-    def require_process(self) -> Process:
-        """Return the process, or say why there is none.
-
-        Returns
-        -------
-        Process
-            In the unit of the signal.
-
-        Raises
-        ------
-        ModelError
-            The method has no process.
-        """
-        if self.process is None:
-            raise ModelError(
-                f"method '{self.method}' gave no process: {self.no_process}",
-                cure="use another method for filters and simulations",
-            )
-        return self.process
+    @property
+    def ieee952(self) -> dict[str, Coefficient]:
+        """N, B, K, Q, R of IEEE Std 952, SI; empty ones where the method does not speak of them."""
+        return ieee952_of(self.process, self.standard_errors, self.limits)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, in SI."""
@@ -121,7 +106,11 @@ class MethodIdentification(ToDict):
             key: {"value": value, "standard_error": self.standard_errors.get(key)}
             for key, value in self.parameters.items()
         }
-        named = {"processes": process_to_list(self.process), "parameters": plain(parameters)}
+        named = {
+            "processes": process_to_list(self.process),
+            "parameters": plain(parameters),
+            "ieee952": ieee952_to_dict(self.ieee952),
+        }
         return ToDict.to_dict(self) | named
 
 

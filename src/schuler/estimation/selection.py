@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from schuler.estimation.curve_fit import CurvePoints, Scatter, StructureFit, fit_structure
+from schuler.estimation.parts import FittedParts
 from schuler.noise import (
+    BiasInstability,
     GaussMarkov,
     Process,
     ProcessSum,
@@ -17,30 +22,133 @@ from schuler.noise import (
     RateRamp,
     WhiteNoise,
 )
-from schuler.noise.gauss_markov import gauss_markov_allan_shape
 from schuler.types import FloatArray
 
-PENALTY = {
-    "white_noise": 4.0,
-    "random_walk": 8.0,
-    "quantization": 10.0,
-    "rate_ramp": 12.0,
-    "gauss_markov": 16.0,
-}
-"""What a term must take off the misfit to be believed.
-
-For one parameter chi-square 8 is exceeded by chance once in 200 (400 at the boundary of zero);
-a Gauss-Markov noise has two parameters and may be put anywhere along the curve. Ramps and
-quantisation are rarer in sensors and must prove more.
-"""
 _MOST_GAUSS_MARKOVS = 3
 _VISIBLE = 0.02
 _GAUSS_MARKOVS_PER_DECADE = 1.0
+_SLOW = ("gauss_markov", "random_walk", "rate_ramp", "bias_instability")
+
+Found = TypeVar("Found", bound=FittedParts)
+Found_co = TypeVar("Found_co", bound=FittedParts, covariant=True)
 
 
-def criterion(fit: StructureFit) -> float:
-    """Misfit plus the penalties of all terms: the smaller, the better."""
-    return fit.chi_square + math.fsum(PENALTY[kind] for kind in fit.kinds)
+class Fitter(Protocol[Found_co]):
+    """Fits parts to a curve, in so many iterations at most."""
+
+    def __call__(self, parts: Sequence[Process], iterations: int = 60) -> Found_co:
+        """Return the best parameters."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Choice(Generic[Found]):
+    """A choice among structures of one curve.
+
+    Parameters
+    ----------
+    fit : Fitter
+        Fits a structure.
+    start : callable
+        Gives a process of unit size one below the curve.
+    singles : tuple of Process
+        Terms that occur once at most, of unit size, white noise last.
+    times : (k,) ndarray
+        Correlation times from which Gauss-Markov noises start.
+    """
+
+    fit: Fitter[Found]
+    start: Callable[[Process], Process]
+    singles: tuple[Process, ...]
+    times: FloatArray
+
+    def run(self) -> tuple[Found, dict[str, float]]:
+        """Find the sum of processes with the smallest criterion, and what else was tried."""
+        best = self.fit([self.start(self.singles[-1])])
+        tried = {name_of(best): criterion(best)}
+        for _ in range(8):
+            grown = min(self._additions(best.parts), key=criterion)
+            tried[name_of(grown)] = criterion(grown)
+            if criterion(grown) < criterion(best):
+                best = grown
+                continue
+            other = min(self._exchanges(best), key=criterion, default=best)
+            tried[name_of(other)] = criterion(other)
+            if criterion(other) >= criterion(best) - 1e-3:
+                break
+            best = other
+        return self.fit(sorted(best.parts, key=_order)), tried
+
+    def _additions(self, parts: Sequence[Process]) -> list[Found]:
+        kinds = [p.kind for p in parts]
+        fits = [self.fit([*parts, self.start(s)]) for s in self.singles if s.kind not in kinds]
+        if kinds.count("gauss_markov") < _MOST_GAUSS_MARKOVS:
+            fits.append(self._with_gauss_markov(parts))
+        return fits
+
+    def _with_gauss_markov(self, parts: Sequence[Process]) -> Found:
+        """Fit `parts` and one more Gauss-Markov noise, from the two best of a few starts."""
+        noises = [self.start(GaussMarkov(1.0, float(t))) for t in self.times]
+        tries = [self.fit([*parts, noise], iterations=4) for noise in noises]
+        tries.sort(key=lambda f: f.cost)
+        return min((self.fit(f.parts) for f in tries[:2]), key=criterion)
+
+    def _exchanges(self, best: Found) -> list[Found]:
+        """Every simpler structure, and slow terms exchanged for other kinds of slow terms."""
+        fits = []
+        for k, kind in enumerate(best.kinds):
+            rest = [*best.parts[:k], *best.parts[k + 1 :]]
+            if rest:
+                fits.append(self.fit(rest))
+            if kind not in _SLOW:
+                continue
+            if kind != "random_walk" and "random_walk" not in best.kinds:
+                fits.append(self.fit([*rest, self.start(RandomWalk(1.0))]))
+            if kind != "gauss_markov" and best.kinds.count("gauss_markov") < _MOST_GAUSS_MARKOVS:
+                fits.append(self._with_gauss_markov(rest))
+        return fits + self._exchanges_of_flicker(best)
+
+    def _exchanges_of_flicker(self, best: Found) -> list[Found]:
+        """Flicker for one to three slow terms, or two slow terms for flicker."""
+        flicker = next((s for s in self.singles if s.kind == "bias_instability"), None)
+        if flicker is None:
+            return []
+        if flicker.kind not in best.kinds:
+            slow = [k for k, kind in enumerate(best.kinds) if kind in _SLOW]
+            return [
+                self.fit([p for k, p in enumerate(best.parts) if k not in gone]
+                         + [self.start(flicker)])
+                for count in (1, 2, 3)
+                for gone in combinations(slow, count)
+            ]  # fmt: skip
+        rest = [p for p in best.parts if p.kind != flicker.kind]
+        if [p.kind for p in rest].count("gauss_markov") > _MOST_GAUSS_MARKOVS - 2 or not rest:
+            return []
+        one = self._with_gauss_markov(rest)
+        fits = [one, self._with_gauss_markov(one.parts)]
+        if "random_walk" not in best.kinds:
+            fits.append(self.fit([*one.parts, self.start(RandomWalk(1.0))]))
+        return fits
+
+
+def criterion(fit: FittedParts) -> float:
+    """Misfit plus the penalties of all terms: the smaller, the better.
+
+    For one parameter chi-square 8 is exceeded by chance once in 200 (400 at the boundary of
+    zero); a Gauss-Markov noise has two parameters and may be put anywhere along the curve. Ramps
+    and quantisation are rarer in sensors and must prove more.
+    """
+    return fit.cost + math.fsum(p.penalty for p in fit.parts)
+
+
+def _order(part: Process) -> tuple[float, float]:
+    time = part.correlation_time if isinstance(part, GaussMarkov) else 0.0
+    return part.rank, time
+
+
+def name_of(fit: FittedParts) -> str:
+    """Name of a structure."""
+    return " + ".join(p.kind for p in sorted(fit.parts, key=_order))
 
 
 def rough_process(points: CurvePoints) -> ProcessSum:
@@ -51,7 +159,7 @@ def rough_process(points: CurvePoints) -> ProcessSum:
     parts: list[Process] = [WhiteNoise(1.0), Quantization(1.0), RandomWalk(1.0)]
     parts += [GaussMarkov(1.0, float(t)) for t in times]
     weight = np.sqrt(points.degrees_of_freedom)
-    shapes = np.array([p.allan_variance(tau) for p in parts]).T
+    shapes = np.array([points.of(p) for p in parts]).T
     design = shapes / points.variance[:, None] * weight[:, None]
     norms = np.linalg.norm(design, axis=0)
     design /= norms
@@ -60,118 +168,69 @@ def rough_process(points: CurvePoints) -> ProcessSum:
     for _ in range(400):
         size *= wanted / (normal @ size)
     amplitude = np.sqrt(size / norms)
-    scaled: list[Process] = [
-        WhiteNoise(amplitude[0]),
-        Quantization(amplitude[1]),
-        RandomWalk(amplitude[2]),
-    ]
-    scaled += [GaussMarkov(a, float(t)) for a, t in zip(amplitude[3:], times, strict=True)]
     shares = shapes * (size / norms) / (shapes @ (size / norms))[:, None]
     return ProcessSum(
-        tuple(p for p, share in zip(scaled, shares.T, strict=True) if share.max() > _VISIBLE)
+        tuple(
+            part.with_size(float(a))
+            for part, a, share in zip(parts, amplitude, shares.T, strict=True)
+            if share.max() > _VISIBLE
+        )
     )
-
-
-def _under(points: CurvePoints, shape: FloatArray) -> float:
-    """Amplitude at which a term reaches, somewhere, 70 % of the variance but nowhere more."""
-    return math.sqrt(0.7 * float(np.min(points.variance / shape)))
-
-
-def _single_starts(kind: str, points: CurvePoints) -> Process:
-    tau = points.tau
-    if kind == "random_walk":
-        return RandomWalk(_under(points, tau / 3.0))
-    if kind == "quantization":
-        return Quantization(_under(points, 3.0 / tau**2))
-    if kind == "rate_ramp":
-        return RateRamp(_under(points, 0.5 * tau**2))
-    return WhiteNoise(_under(points, 1.0 / tau))
-
-
-def _gauss_markov_starts(points: CurvePoints) -> list[GaussMarkov]:
-    tau = points.tau
-    first, last = math.log10(3.0 * tau[0]), math.log10(max(tau[-1], 3.1 * tau[0]))
-    count = max(2, round((last - first) * _GAUSS_MARKOVS_PER_DECADE) + 1)
-    return [
-        GaussMarkov(_under(points, gauss_markov_allan_shape(tau / t)), float(t))
-        for t in np.logspace(first, last, count)
-    ]
-
-
-def _best(fits: Sequence[StructureFit]) -> StructureFit:
-    return min(fits, key=criterion)
-
-
-def _best_with_gauss_markov(
-    parts: Sequence[Process], points: CurvePoints, scatter: Scatter
-) -> StructureFit:
-    """Fit `parts` and one more Gauss-Markov noise, from the two best of a few starts."""
-    tries = [
-        fit_structure([*parts, start], points, scatter, iterations=4)
-        for start in _gauss_markov_starts(points)
-    ]
-    tries.sort(key=lambda f: f.chi_square)
-    return _best([fit_structure(f.parts, points, scatter) for f in tries[:2]])
-
-
-def _additions(best: StructureFit, points: CurvePoints, scatter: Scatter) -> list[StructureFit]:
-    fits = [
-        fit_structure([*best.parts, _single_starts(kind, points)], points, scatter)
-        for kind in ("random_walk", "quantization", "rate_ramp", "white_noise")
-        if kind not in best.kinds
-    ]
-    if best.kinds.count("gauss_markov") < _MOST_GAUSS_MARKOVS:
-        fits.append(_best_with_gauss_markov(best.parts, points, scatter))
-    return fits
-
-
-def _exchanges(best: StructureFit, points: CurvePoints, scatter: Scatter) -> list[StructureFit]:
-    """Every simpler structure, and every slow term exchanged for another kind of slow term."""
-    fits = []
-    for k, kind in enumerate(best.kinds):
-        rest = [*best.parts[:k], *best.parts[k + 1 :]]
-        if rest:
-            fits.append(fit_structure(rest, points, scatter))
-        if kind in ("gauss_markov", "rate_ramp") and "random_walk" not in best.kinds:
-            walk = _single_starts("random_walk", points)
-            fits.append(fit_structure([*rest, walk], points, scatter))
-        if kind in ("random_walk", "rate_ramp") and (
-            best.kinds.count("gauss_markov") < _MOST_GAUSS_MARKOVS
-        ):
-            fits.append(_best_with_gauss_markov(rest, points, scatter))
-    return fits
 
 
 def select_structure(
     points: CurvePoints, scatter: Scatter
 ) -> tuple[StructureFit, dict[str, float]]:
     """Find the sum of processes with the smallest criterion."""
-    best = fit_structure([_single_starts("white_noise", points)], points, scatter)
-    tried = {_name(best): criterion(best)}
-    for _ in range(8):
-        grown = _best(_additions(best, points, scatter))
-        tried[_name(grown)] = criterion(grown)
-        if criterion(grown) < criterion(best):
-            best = grown
-            continue
-        changed = _exchanges(best, points, scatter)
-        if not changed:
-            break
-        other = _best(changed)
-        tried[_name(other)] = criterion(other)
-        if criterion(other) >= criterion(best) - 1e-3:
-            break
-        best = other
-    return fit_structure(sorted(best.parts, key=_order), points, scatter), tried
+
+    def fit(parts: Sequence[Process], iterations: int = 60) -> StructureFit:
+        return fit_structure(parts, points, scatter, iterations)
+
+    first, last = (
+        math.log10(3.0 * points.tau[0]),
+        math.log10(max(points.tau[-1], 3.1 * points.tau[0])),
+    )
+    count = max(2, round((last - first) * _GAUSS_MARKOVS_PER_DECADE) + 1)
+    return Choice(
+        fit=fit,
+        start=lambda part: points.under(part, 0.7),
+        singles=(
+            RandomWalk(1.0),
+            BiasInstability.of_samples(1.0, points.dt, points.duration),
+            Quantization(1.0),
+            RateRamp(1.0),
+            WhiteNoise(1.0),
+        ),
+        times=np.logspace(first, last, count),
+    ).run()
 
 
-_ORDER = ("white_noise", "quantization", "gauss_markov", "random_walk", "rate_ramp")
+def from_several_starts(
+    parts: Sequence[Process], points: CurvePoints, scatter: Scatter
+) -> StructureFit:
+    """The best fit of a structure, correlation times starting as given or along the curve."""
+    starts = [list(parts), *_other_times(parts, points)]
+    fits = [fit_structure([points.under(p) for p in s], points, scatter, 30) for s in starts]
+    return fit_structure(min(fits, key=lambda f: f.cost).parts, points, scatter)
 
 
-def _order(part: Process) -> tuple[int, float]:
-    time = part.correlation_time if isinstance(part, GaussMarkov) else 0.0
-    return _ORDER.index(part.kind), time
+def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Process]]:
+    """The structure with its correlation times spread over the curve in several ways.
 
-
-def _name(fit: StructureFit) -> str:
-    return " + ".join(p.kind for p in sorted(fit.parts, key=_order))
+    Given times may only say how many there are, not how long. Their order is kept.
+    """
+    noises = [(p.correlation_time, k) for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
+    if not noises:
+        return []
+    count = max(4, 2 * len(noises))
+    grid = np.geomspace(2.0 * points.tau[0], points.tau[-1], count)
+    starts = []
+    for first in range(count - len(noises) + 1):
+        chosen = np.linspace(first, count - 1, len(noises)).astype(int)
+        if len(noises) == 1:
+            chosen = np.array([first])
+        moved = list(parts)
+        for (_, k), j in zip(sorted(noises), chosen, strict=True):
+            moved[k] = replace(parts[k], correlation_time=float(grid[j]))  # type: ignore[type-var]
+        starts.append(moved)
+    return starts

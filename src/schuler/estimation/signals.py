@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -60,3 +63,74 @@ def outlier_flag(residual: FloatArray) -> str:
         f"outlier: row {row} alone carries {100.0 * share:.0f} % of the variance of the "
         "innovations; repair it (screening does) and fit again"
     )
+
+
+_EPS = float(np.finfo(np.float64).eps)
+_NARROWEST, _WIDEST = 1e-140, 1e140
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """A centred signal in a unit near its own standard deviation.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        (signal - offset)/scale, contiguous.
+    offset : float
+        What was taken off: the mean, or zero.
+    scale : float
+        A power of two, so that scaling rounds nothing and results do not depend on the unit.
+    mean : float
+        Mean of the signal.
+    rounding : float
+        Mean squared rounding of the samples in units of scale²: less cannot be resolved.
+    """
+
+    values: FloatArray
+    offset: float
+    scale: float
+    mean: float
+    rounding: float
+
+
+def prepare(signal: ArrayLike, *, fewest: int, remove_mean: bool = True) -> Series:
+    """Check a signal, take its mean off and scale it."""
+    data = np.asarray(signal)
+    if data.ndim != 1 or data.dtype.kind not in "fiu":
+        raise InputError(
+            f"signal has shape {data.shape} and type {data.dtype}", expected="numbers (n,)"
+        )
+    if data.size < fewest:
+        raise InputError(f"signal has {data.size} samples", expected=f"at least {fewest}")
+    data = data.astype(np.float64, copy=False)
+    low, high = float(data.min()), float(data.max())
+    if not math.isfinite(high - low):
+        bad = np.flatnonzero(~np.isfinite(data))
+        if bad.size == 0:
+            raise InputError(f"signal spans from {low:g} to {high:g}", cure="use another unit")
+        raise InputError(
+            f"signal holds {bad.size} samples that are not finite, the first at row {bad[0]}",
+            expected="finite numbers",
+            cure="remove or repair these rows first",
+        )
+    largest = max(abs(low), abs(high))
+    if high - low <= 4.0 * _EPS * largest:
+        raise EstimationError(
+            f"the signal does not vary: every sample is {low:g}",
+            expected="noise",
+            cure="look at the recording: a channel may be dead",
+        )
+    if not _NARROWEST < high - low < _WIDEST:
+        raise InputError(
+            f"signal spans {high - low:.3g}, whose square no number can hold",
+            cure="use another unit",
+        )
+    # offset first: the mean of a nearly constant signal is exact only about one of its values
+    mean = low + float(np.mean(data - low))
+    offset = mean if remove_mean else 0.0
+    values = data - offset
+    spread = math.sqrt(float(values @ values) / values.size)
+    scale = 2.0 ** round(math.log2(spread))
+    values /= scale
+    return Series(values, offset, scale, mean, (_EPS * largest / scale) ** 2 / 12.0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.data.to_dict import ToDict
 from schuler.noise.gauss_markov import FLICKER_LEVEL
 from schuler.types import FloatArray

@@ -8,6 +8,7 @@ import numpy as np
 
 from schuler.curves.allan import allan_deviation
 from schuler.errors import EstimationError, InputError, SchulerError
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
 from schuler.estimation.residuals.diagnostics import (
     ResidualDiagnostics,
@@ -131,7 +132,7 @@ def _of_readings(
         if key.startswith("white"):
             parts.append(WhiteNoise(reading.value))
         elif key.startswith("bias"):
-            parts.append(BiasInstability(reading.value, 2.0 / rate, 10.0 * duration))
+            parts.append(BiasInstability.of_samples(reading.value, 1.0 / rate, duration))
         else:
             parts.append(RandomWalk(reading.value))
     return tuple(parts), parameters, errors
@@ -154,6 +155,10 @@ def by_spectrum(
 
     block = 1 if shortest is None else max(round(shortest * rate), 1)
     highest = 0.5 * rate / block
+    if isinstance(model, str):
+        # a spectrum alone cannot tell a slow Gauss-Markov noise from a walk
+        chosen = identify_signal(values, rate, model).process.parts
+        model = ProcessSum(tuple(p for p in chosen if p.random))
     fit = identify_spectrum(values, rate, model, band=None if block == 1 else (0.0, highest))
     return _answer(
         "psd",

@@ -7,7 +7,7 @@ the same for all: time offsets, alignment, mounting, receiver. Spec 7.3, 7.9, 8.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -15,23 +15,23 @@ from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError
-from schuler.evaluation.outages import (
+from schuler.evaluation.outage_windows import (
     OutageStatistics,
     OutageWindow,
     Window,
-    check_windows,
+    asked_windows,
     deal_windows,
-    judge_window,
-    sweep_windows,
+    in_order,
+    judge_run,
 )
 from schuler.evaluation.paired import PERCENTAGES, PairedStatistics, paired_statistics
-from schuler.navigation.aiding.vehicle import with_vehicle_states
 from schuler.navigation.error_models.catalogue import ErrorModel
-from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigation.navigate import withhold
-from schuler.navigation.preparation.prepare import prepare
-from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.run import FALSE_ALARM, run
+from schuler.navigation.preparation.prepare import PreparedDrive, prepare_drive
+from schuler.navigation.run import run
+from schuler.navigation.settings import FALSE_ALARM, NavigationSettings
+from schuler.navigation.threads import in_threads
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -172,22 +172,6 @@ class ErrorModelComparison:
         }
 
 
-def with_error_model(
-    setup: RunSetup,
-    model: ErrorModel,
-    turn_on_accel: float,
-    turn_on_gyro: float,
-    interval: float,
-) -> RunSetup:
-    """Return a setup whose filter is told another error model, all else the same."""
-    sensors = model.sensor_model(turn_on_accel, turn_on_gyro, interval)
-    vehicle = setup.vehicle
-    if vehicle is not None and vehicle.first_state >= 0:
-        vehicle = replace(vehicle, first_state=sensors.size)
-        sensors = with_vehicle_states(sensors, vehicle.constraints)
-    return replace(setup, model=sensors, vehicle=vehicle)
-
-
 def compare_error_models(
     imu: ImuRecording,
     gnss: GnssRecording,
@@ -234,78 +218,94 @@ def compare_error_models(
         No windows or models, the same name twice, or inputs that cannot be used.
     """
     check_models(models)
-    if sweep is not None:
-        windows = sweep_windows(sweep[0], sweep[1], gnss.duration)
-    if not windows:
-        raise InputError("no outage was asked for", cure="give windows or a sweep")
-    check_windows(windows, gnss)
-    arm = np.asarray(lever_arm, dtype=np.float64)
-    found: dict[str, dict[bool, list[OutageWindow]]] = {
-        m.name: {False: [], True: []} for m in models
-    }
-    nis: dict[str, list[float]] = {m.name: [] for m in models}
-    tracks: list[tuple[float, dict[str, FloatArray]]] = []
+    settings = NavigationSettings(
+        lever_arm=lever_arm,
+        tune_noise=False,
+        turn_on_accel=turn_on_accel,
+        turn_on_gyro=turn_on_gyro,
+        false_alarm=false_alarm,
+        **how,
+    )
+    groups = deal_windows(asked_windows(windows, sweep, gnss))
     measured = {m.name: m.measured(imu) for m in models}
-    groups = deal_windows(windows)
-    settings: dict[str, Any] = {}
-    for number, group in enumerate(groups):
-        used = withhold(gnss, group)
+
+    def one(number: int) -> _ComparedRun:
+        label = f"run {number + 1} of {len(groups)}"
         if progress is not None:
-            progress(f"preparing run {number + 1} of {len(groups)}")
-        cut, setup = prepare(
-            imu, used, base, lever_arm=arm, tune_noise=False, progress=progress, **how
-        )
-        settings = settings or setup.to_dict()
-        group_tracks: list[dict[str, FloatArray]] = [{} for _ in group]
+            progress(f"preparing {label}")
+        used = withhold(gnss, groups[number])
+        prepared = prepare_drive(imu, used, base, settings, progress)
+        found = _ComparedRun(prepared.setup.to_dict(), [{} for _ in groups[number]])
         for model in models:
             if progress is not None:
-                progress(f"run {number + 1} of {len(groups)}: {model.name}")
-            own = _same_span(measured[model.name], cut)
-            told = with_error_model(setup, model, turn_on_accel, turn_on_gyro, 1.0 / imu.rate)
-            scale = model.white_scale(cut)
-            done = run(
-                own,
-                used,
-                told,
-                smooth=smooth,
-                false_alarm=false_alarm,
-                white_scale=None if scale is None else scale[: own.size],
-            )
-            nis[model.name].append(done.causal.innovations.gnss.mean_nis)
-            for solution in (done.causal, done.smoothed):
-                if solution is None:
-                    continue
-                judged = [
-                    judge_window(
-                        solution,
-                        gnss,
-                        window,
-                        lever_arm=arm,
-                        time_offset=setup.offsets.position,
-                        sd_factor=setup.factors.position_sd,
-                        white_density=told.model.white_density,
-                    )
-                    for window in group
-                ]
-                found[model.name][solution.smoothed] += judged
-                if not solution.smoothed:
-                    for track, window in zip(group_tracks, judged, strict=True):
-                        add_track(track, model.name, window, gnss)
-        tracks += [(w[0], t) for w, t in zip(group, group_tracks, strict=True)]
+                progress(f"{label}: {model.name}")
+            own = _same_span(measured[model.name], prepared.imu)
+            found.add(model, own, prepared, gnss, groups[number], smooth)
+        return found
+
+    runs = in_threads(one, range(len(groups)))
+    tracks = [
+        (window[0], track)
+        for group, found in zip(groups, runs, strict=True)
+        for window, track in zip(group, found.tracks, strict=True)
+    ]
+
+    def windows_of(model: ErrorModel, smoothed: bool) -> OutageStatistics:
+        return in_order(w for r in runs for w in r.windows[model.name, smoothed])
+
     return ErrorModelComparison(
         results=tuple(
             ModelOutages(
                 model,
-                (_ordered(found[model.name][False]),),
-                (_ordered(found[model.name][True]),) if smooth else (),
-                (float(np.mean(nis[model.name])),),
+                (windows_of(model, False),),
+                (windows_of(model, True),) if smooth else (),
+                (float(np.mean([r.nis[model.name] for r in runs])),),
             )
             for model in models
         ),
         sweep=sweep is not None,
         tracks=tuple(t for _, t in sorted(tracks, key=lambda pair: pair[0])),
-        settings=settings,
+        settings=runs[0].settings,
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ComparedRun:
+    """All models on one drive with some windows withheld."""
+
+    settings: dict[str, Any]
+    tracks: list[dict[str, FloatArray]]
+    windows: dict[tuple[str, bool], tuple[OutageWindow, ...]] = field(default_factory=dict)
+    nis: dict[str, float] = field(default_factory=dict)
+
+    def add(
+        self,
+        model: ErrorModel,
+        imu: ImuRecording,
+        prepared: PreparedDrive,
+        gnss: GnssRecording,
+        group: tuple[Window, ...],
+        smooth: bool,
+    ) -> None:
+        """Run the filter with one error model, and judge it."""
+        told = prepared.setup.settings
+        interval = 1.0 / prepared.imu.rate
+        sensors = model.sensor_model(told.turn_on_accel, told.turn_on_gyro, interval)
+        setup = prepared.setup.with_sensors(sensors)
+        scale = model.white_scale(prepared.imu)
+        done = run(
+            imu,
+            withhold(gnss, group),
+            setup,
+            smooth=smooth,
+            white_scale=None if scale is None else scale[: imu.size],
+        )
+        self.nis[model.name] = done.causal.innovations.gnss.mean_nis
+        self.windows[model.name, False] = judge_run(done.causal, gnss, setup, group)
+        if done.smoothed is not None:
+            self.windows[model.name, True] = judge_run(done.smoothed, gnss, setup, group)
+        for track, window in zip(self.tracks, self.windows[model.name, False], strict=True):
+            add_track(track, model.name, window, gnss)
 
 
 def check_models(models: Sequence[ErrorModel]) -> None:
@@ -336,10 +336,6 @@ def _same_span(imu: ImuRecording, cut: ImuRecording) -> ImuRecording:
     if imu.time[0] == cut.time[0]:
         return imu
     return imu.between(float(cut.time[0]), np.inf)
-
-
-def _ordered(windows: list[OutageWindow]) -> OutageStatistics:
-    return OutageStatistics(tuple(sorted(windows, key=lambda w: (w.start_s, w.duration_s))))
 
 
 def group_by_model(

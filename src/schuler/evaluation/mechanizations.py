@@ -8,20 +8,18 @@ the epochs that were withheld, and with a true trajectory at every sample.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from schuler import earth
 from schuler.data import GnssRecording, NavigationSolution, Trajectory
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
-from schuler.evaluation.outages import OutageStatistics, judge_window
+from schuler.evaluation.outage_windows import OutageStatistics, Window, judge_window
 from schuler.navigation.engine import gate_thresholds, run_engine
-from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
 from schuler.navigation.mechanizations.navigate_array import (
@@ -29,18 +27,16 @@ from schuler.navigation.mechanizations.navigate_array import (
     ArrayNavigation,
     Mechanization,
     check_mechanization,
-    extended_run,
     run_mechanization,
 )
 from schuler.navigation.mechanizations.stacked import RigidBody
 from schuler.navigation.navigate import withhold
 from schuler.navigation.observability import state_names
-from schuler.navigation.run import FALSE_ALARM
+from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress, nobody_listens
+from schuler.navigation.threads import in_threads
 from schuler.noise.noise_model import NoiseModel
 from schuler.rotations import rotation_vector_from_dcm
 from schuler.types import FloatArray
-
-Window = tuple[float, float]
 
 COMPONENTS = ("N", "E", "D", "vN", "vE", "vD", "roll", "pitch", "heading")
 """As S002 has them: metres, m/s, and the attitude in the axes of the body (rad)."""
@@ -157,6 +153,7 @@ def compare_mechanizations(
     array: ImuArray,
     gnss: GnssRecording,
     noise_models: NoiseModel | Sequence[NoiseModel] | None = None,
+    settings: NavigationSettings | None = None,
     *,
     mechanizations: Sequence[Mechanization] = MECHANIZATIONS,
     parity: bool = True,
@@ -164,61 +161,47 @@ def compare_mechanizations(
     truth: Trajectory | None = None,
     judged: tuple[float, float] | None = None,
     outages: Sequence[Window] = (),
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    heading: float | None = None,
-    mounting: FloatArray | None = None,
-    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
-    tune_noise: bool | None = None,
-    turn_on_accel: float = TURN_ON_ACCEL,
-    turn_on_gyro: float = TURN_ON_GYRO,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> MechanizationComparison:
     """Run several mechanizations on one array and judge them alike."""
     if not mechanizations:
         raise InputError("no mechanization to compare", expected=", ".join(MECHANIZATIONS))
+    told = settings or NavigationSettings()
     for name in mechanizations:
-        check_mechanization(name, smooth=False, aiding=())
-    say = progress or (lambda _: None)
+        check_mechanization(name, told, smooth=False)
+    say = progress or nobody_listens
     used = withhold(gnss, outages) if outages else gnss
-    prepared = prepare_array(
-        array,
-        used,
-        noise_models,
-        lever_arm=lever_arm,
-        heading=heading,
-        mounting=mounting,
-        time_offset=time_offset,
-        tune_noise=tune_noise,
-        turn_on_accel=turn_on_accel,
-        turn_on_gyro=turn_on_gyro,
-        progress=progress,
-    )
-    results = []
-    for name in mechanizations:
-        for imu in range(prepared.array.count if name == "single" else 1):
-            label = f"{prepared.array.names[imu]} alone" if name == "single" else str(name)
-            say(f"filtering: {label}")
-            begin = time.process_time()
-            navigation = run_mechanization(
-                prepared, used, name, parity=parity, imu=imu, rigid=rigid
+    prepared = prepare_array(array, used, noise_models, told, progress)
+    setup = prepared.setup
+
+    def one(case: tuple[Mechanization, int]) -> MechanizationResult:
+        name, imu = case
+        label = f"{prepared.array.names[imu]} alone" if name == "single" else str(name)
+        say(f"filtering: {label}")
+        begin = time.thread_time()
+        navigation = run_mechanization(prepared, used, name, parity=parity, imu=imu, rigid=rigid)
+        cpu = time.thread_time() - begin
+        rms, largest, claimed = _errors(navigation.solution, truth, judged)
+        windows = tuple(
+            judge_window(
+                navigation.solution,
+                gnss,
+                window,
+                lever_arm=prepared.lever_arm,
+                time_offset=setup.offsets.position,
+                sd_factor=setup.factors.position_sd,
             )
-            cpu = time.process_time() - begin
-            rms, largest, claimed = _errors(navigation.solution, truth, judged)
-            judged_windows = tuple(
-                judge_window(
-                    navigation.solution,
-                    gnss,
-                    window,
-                    lever_arm=prepared.lever_arm,
-                    time_offset=prepared.setup.offsets.position,
-                    sd_factor=prepared.setup.factors.position_sd,
-                )
-                for window in outages
-            )
-            statistics = OutageStatistics(judged_windows) if judged_windows else None
-            results.append(
-                MechanizationResult(label, name, navigation, rms, largest, claimed, statistics, cpu)
-            )
+            for window in outages
+        )
+        statistics = OutageStatistics(windows) if windows else None
+        return MechanizationResult(label, name, navigation, rms, largest, claimed, statistics, cpu)
+
+    cases = [
+        (name, imu)
+        for name in mechanizations
+        for imu in range(prepared.array.count if name == "single" else 1)
+    ]
+    results = in_threads(one, cases)
     return MechanizationComparison(tuple(results), prepared, tuple(outages), judged)
 
 
@@ -254,14 +237,14 @@ def bias_correlation(
     prepared: PreparedArray, gnss: GnssRecording, *, parity: bool
 ) -> tuple[tuple[str, ...], FloatArray]:
     """Return the correlation of all states of the extended filter at the end. S002, Fig 17."""
-    setup, initial, schedule = extended_run(prepared, gnss, parity=parity)
+    setup, imu = prepared.extended_setup(parity=parity), prepared.recording
     run = run_engine(
-        prepared.recording,
-        initial,
+        imu,
+        setup.initial_state(imu, gnss),
         setup.model,
-        schedule,
+        setup.schedule(imu, gnss),
         gate=gate_thresholds(FALSE_ALARM),
-        white_scale=setup.white_scale(prepared.recording),
+        white_scale=setup.white_scale(imu),
         node_interval=1e9,
     )
     covariance = run.nodes.covariance[-1]

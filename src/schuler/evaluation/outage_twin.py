@@ -14,12 +14,13 @@ import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.evaluation.error_model_comparison import add_track, check_models
-from schuler.evaluation.outages import OutageStatistics, Window, judge_window
+from schuler.evaluation.outage_windows import OutageStatistics, Window, judge_run
 from schuler.navigation.error_models.catalogue import ErrorModel
 from schuler.navigation.navigate import withhold
 from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.run import run
+from schuler.navigation.settings import NavigationSettings
 from schuler.noise.noise_model import NoiseModel
 from schuler.rotations import dcm_from_rotation_vector
 from schuler.simulation import Profile, ideal_imu, simulate_gnss, simulate_imu
@@ -158,28 +159,15 @@ def run_outages(
         tracks.extend({} for _ in twin.windows)
     for model in models:
         sensors = model.sensor_model(twin.turn_on_accel, twin.turn_on_gyro, 1.0 / twin.ideal.rate)
-        setup = RunSetup(sensors, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
+        setup = RunSetup(
+            sensors, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3),
+            settings=NavigationSettings(false_alarm=0.0),
+        )  # fmt: skip
         own = model.measured(drawn.imu)
         scale = model.white_scale(drawn.imu)
-        done = run(
-            own,
-            drawn.gnss,
-            setup,
-            false_alarm=0.0,
-            white_scale=None if scale is None else scale[: own.size],
-        ).causal
-        judged = tuple(
-            judge_window(
-                done,
-                truth,
-                window,
-                lever_arm=np.zeros(3),
-                time_offset=0.0,
-                sd_factor=1.0,
-                white_density=sensors.white_density,
-            )
-            for window in twin.windows
-        )
+        scale = None if scale is None else scale[: own.size]
+        done = run(own, drawn.gnss, setup, white_scale=scale).causal
+        judged = judge_run(done, truth, setup, twin.windows)
         if tracks is not None:
             for track, window in zip(tracks, judged, strict=True):
                 add_track(track, model.name, window, truth)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,17 @@ import numpy as np
 
 from schuler import units
 from schuler.errors import InputError
-from schuler.io.columns import Column
+from schuler.io.columns import Column, counter_column
+from schuler.io.dates import TIME_OF_DAY, day_and_time, moments
+from schuler.io.notes import Notes
 from schuler.io.source import Columns, Source
+from schuler.io.time_repair import (
+    between_neighbours,
+    joined_restarts,
+    packet_size,
+    spread_packets,
+    unwrapped,
+)
 from schuler.types import FloatArray
 
 RATE_FROM_README = "sampling rate taken from"
@@ -20,66 +30,125 @@ RATE_FROM_README = "sampling rate taken from"
 
 # A count since 1970 tells its unit by its size: 1e8 s is 1973, 1e10 s is 2286.
 _EPOCH_UNITS = ((1e17, 1e19, "ns"), (1e14, 1e16, "us"), (1e11, 1e13, "ms"), (1e8, 1e10, "s"))
-_TIME_OF_DAY = re.compile(r"\d\d?:\d\d:\d\d(?:[.,]\d+)?\s*Z?")
 _HERTZ = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)\s*Hz\b")
+_SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast a sensor can be sampled.
+
+    Parameters
+    ----------
+    slowest, fastest : float
+        Samples a second.
+    """
+
+    slowest: float
+    fastest: float
+
+    def fits(self, step: float) -> bool:
+        """Tell whether a step of time is plausible."""
+        return 0.999 / self.fastest <= step <= 1.001 / self.slowest
+
+
+IMU_PACE = Pace(2.0, 1e4)
+GNSS_PACE = Pace(1.0 / 60.0, 250.0)
+ANY_PACE = Pace(1.0 / 3600.0, 1e4)
 
 
 def time_axis(
-    source: Source, chosen: Mapping[str, Column], columns: Columns, time_unit: str | None
-) -> tuple[FloatArray, list[str]]:
+    source: Source,
+    chosen: Mapping[str, Column],
+    columns: Columns,
+    time_unit: str | None,
+    pace: Pace,
+    notes: Notes,
+) -> FloatArray:
     """Return the time stamps of a file in seconds."""
     column, week = chosen["time"], chosen.get("week")
     values = columns[column.name]
-    if values.dtype.kind in "US" and values.size and _TIME_OF_DAY.fullmatch(values[0].strip()):
-        date = chosen.get("date")
-        if date is None or columns[date.name].dtype.kind not in "US":
-            seconds = _dates(source, column, np.char.add("1970-01-01 ", np.char.strip(values)))
-            return seconds, [f"time from time of day in '{column.name}', as seconds of the day"]
-        joined = np.char.add(np.char.add(np.char.strip(columns[date.name]), " "), values)
-        note = f"time from '{date.name}' and '{column.name}'"
-        return _dates(source, column, joined), [note]
+    form = time_unit if time_unit is not None and "%" in time_unit else None
+    written = values.dtype.kind in "US"
+    first = str(values[0]).strip() if written and values.size else ""
+    if form is None and TIME_OF_DAY.fullmatch(first):
+        time = day_and_time(source, chosen.get("date"), column, columns, notes)
+        return unwrapped(time, f"'{column.name}'", notes)
     if values.dtype.kind in "US":
-        return _dates(source, column, values), [f"time from dates in '{column.name}'"]
+        notes.did(f"time from dates in '{column.name}'")
+        return np.asarray(moments(source, column, values, form, notes))
     _check_resolution(source, column, values)
+    notes.did(f"time from '{column.name}'")
+    counts = values.astype(np.float64)
+    if week is None:
+        counts = unwrapped(counts, f"'{column.name}'", notes)
     unit = time_unit or column.unit
-    history = [f"time from '{column.name}'"]
     if not unit:
-        unit = _epoch_unit(values)
-        history.append(f"time taken as {unit}: no unit is named")
+        unit = _unit_by_size(source, column, counts, pace)
+        notes.assumed(f"time taken as {unit}: no unit is named")
     factor = units.scale(unit, "time")
-    time = values.astype(np.float64) * factor
-    if unit == "ns":  # a division keeps one more digit than a product with 1e-9
-        time = values.astype(np.float64) / 1e9
+    # A division keeps one more digit than a product with 1e-9.
+    time = counts / 1e9 if unit == "ns" else counts * factor
     if factor != 1.0:
-        history.append(f"time converted from {unit}")
+        notes.did(f"time converted from {unit}")
+    if "time_fraction" in chosen:
+        part = chosen["time_fraction"]
+        time = time + columns[part.name].astype(np.float64) * units.scale(part.unit, "time")
+        notes.did(f"time from '{column.name}' and '{part.name}'")
     if week is not None and time.size:
-        weeks = columns[week.name].astype(np.float64)
-        first = weeks[np.isfinite(weeks)][:1]
-        time = time + (weeks - (first[0] if first.size else 0.0)) * 604800.0
-        history.append(f"seconds of GPS week {first[0] if first.size else 0.0:.0f}")
-    return time, history
+        weeks = np.asarray(columns[week.name], dtype=np.float64)
+        opening = weeks[np.isfinite(weeks)][:1]
+        time = time + (weeks - (opening[0] if opening.size else 0.0)) * 604800.0
+        notes.did(f"seconds of GPS week {opening[0] if opening.size else 0.0:.0f}")
+    return np.asarray(time)
 
 
-def _dates(source: Source, column: Column, values: Any) -> FloatArray:
-    import polars
+def repaired_time(time: FloatArray, notes: Notes) -> FloatArray:
+    """Return time with packets spread, restarts put behind each other and stamps that repeat."""
+    return between_neighbours(joined_restarts(spread_packets(time, notes), notes), notes)
 
-    text = polars.Series(values).str.strip_chars()
-    text = text.str.replace_all("/", "-", literal=True).str.replace(",", ".", literal=True)
-    text = text.str.replace(r"^(\d{4}-\d\d?-\d\d?)T", "${1} ").str.replace(
-        r"\s*(Z|UTC|\+00:?00)$", ""
+
+def _unit_by_size(source: Source, column: Column, counts: FloatArray, pace: Pace) -> str:
+    """Return the unit of time that nobody named: by the count since 1970, or by the rate."""
+    finite = counts[np.isfinite(counts)]
+    size = float(np.median(np.abs(finite))) if finite.size else 0.0
+    epoch = next((unit for low, high, unit in _EPOCH_UNITS if low < size < high), "")
+    step = np.diff(finite)
+    forward = step[step > 0.0]
+    if not forward.size:
+        return epoch or "s"
+    usual = float(np.median(forward))
+    packets = packet_size(counts)
+    if packets is not None:
+        usual /= max(1.0, counts.size / max(1, np.unique(counts).size))
+    if epoch and pace.fits(usual * _SCALES[epoch]):
+        return epoch
+    stated = source.rate
+    if stated is not None:
+        agreeing = [u for u, f in _SCALES.items() if abs(usual * f * stated - 1.0) < 0.1]
+        if agreeing:
+            return agreeing[0]
+    fitting = [u for u, f in _SCALES.items() if pace.fits(usual * f)]
+    if fitting and (fitting[0] == "s" or len(fitting) == 1):
+        return fitting[0]
+    if epoch:
+        return epoch
+    if not fitting:
+        shown = "nothing fits"
+        choice = "ms"
+    else:
+        shown = ", ".join(f"as {u} {_hertz(usual * _SCALES[u])}" for u in fitting)
+        choice = fitting[0]
+    raise InputError(
+        f"time names no unit: as seconds, the samples are {usual:g} s apart; {shown}",
+        expected=f"the unit of time; {pace.slowest:.3g} to {pace.fastest:g} samples a second",
+        cure=f"name it, e.g. time_unit='{choice}'",
+        where=f"{source.path}, column '{column.name}'",
     )
-    moments = text.str.to_datetime("%Y-%m-%d %H:%M:%S%.f", time_unit="ns", strict=False)
-    bad = moments.is_null().to_numpy()
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise InputError(
-            f"'{str(values[row])[:40]}' is not a time",
-            expected="a number, or a date such as 2025-07-08T19:34:00.010 in UTC",
-            cure="correct it, or name the right column with columns={'time': ...}",
-            where=source.place(row, column.name),
-        )
-    counts = moments.to_physical().to_numpy()
-    return np.asarray(counts // 10**9 + (counts % 10**9) / 1e9, dtype=np.float64)
+
+
+def _hertz(step: float) -> str:
+    return f"{1.0 / step:.4g} Hz"
 
 
 def _check_resolution(source: Source, column: Column, values: Any) -> None:
@@ -97,33 +166,56 @@ def _check_resolution(source: Source, column: Column, values: Any) -> None:
     )
 
 
-def _epoch_unit(values: Any) -> str:
-    size = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
-    return next((unit for low, high, unit in _EPOCH_UNITS if low < size < high), "s")
-
-
-def shifted(time: FloatArray, offset: float) -> tuple[FloatArray, list[str]]:
+def shifted(time: FloatArray, offset: float, notes: Notes) -> FloatArray:
     """Return time moved by an offset that the user gave."""
     if not np.isfinite(offset):
         raise InputError(f"time_offset is {offset}", expected="a finite number of seconds")
-    return (time + offset, [f"{offset:+.6f} s added to time"]) if offset else (time, [])
+    if offset:
+        notes.did(f"{offset:+.6f} s added to time")
+    return time + offset if offset else time
 
 
-def even_axis(source: Source, rows: int, rate: float | None) -> tuple[FloatArray, list[str]]:
+def even_axis(source: Source, rows: int, rate: float | None, notes: Notes) -> FloatArray:
     """Return the time of samples that are evenly spaced, for a file without a column of time.
 
     The rate is the one given, or stated inside the file, or, at last, the one and only sampling
-    rate that a README in the same folder states.
+    rate that a README in the same folder states. A column that counts the samples shows which
+    are missing.
     """
     if rate is not None:
         if not (np.isfinite(rate) and rate > 0.0):
             raise InputError(f"rate is {rate}", expected="a positive number of Hz")
-        return np.arange(rows) / rate, [f"time from row / {rate:g} Hz, as given"]
-    if source.rate is not None:
-        return np.arange(rows) / source.rate, [f"time from row / {source.rate:g} Hz, in the file"]
-    found, name = _rate_beside(source.path)
-    text = f"{RATE_FROM_README} {name}: {found:g} Hz; time from row / rate"
-    return np.arange(rows) / found, [text]
+        found, text = rate, f"time from row / {rate:g} Hz, as given"
+    elif source.rate is not None:
+        found, text = source.rate, f"time from row / {source.rate:g} Hz, in the file"
+    else:
+        found, name = _rate_beside(source.path)
+        text = f"{RATE_FROM_README} {name}: {found:g} Hz; time from row / rate"
+        notes.assumed(text)
+    counter = counter_column(source.names)
+    if counter is not None and not source.is_text(counter):
+        numbers = _counted(source, counter, rows, notes)
+        if numbers is not None:
+            notes.did(text.replace("from row /", f"from '{counter}' /"))
+            return numbers / found
+    notes.did(text)
+    return np.arange(rows) / found
+
+
+def _counted(source: Source, name: str, rows: int, notes: Notes) -> FloatArray | None:
+    """Return the numbers of samples from a counter; None when it does not count them."""
+    quiet = Notes()
+    values = unwrapped(source.load((name,))[name].astype(np.float64), f"'{name}'", quiet)
+    if values.size != rows or not np.isfinite(values).all() or rows < 2:
+        return None
+    step = np.diff(values)
+    if step.min() < 1.0 or np.median(step) != 1.0 or np.any(step != np.round(step)):
+        return None
+    notes.assumed(*quiet.assumptions)
+    lost = int(values[-1] - values[0]) + 1 - rows
+    if lost:
+        notes.assumed(f"'{name}' shows that {lost} samples are missing: their time is left empty")
+    return np.asarray(values - values[0])
 
 
 def _rate_beside(path: Path) -> tuple[float, str]:
@@ -144,29 +236,52 @@ def _rate_beside(path: Path) -> tuple[float, str]:
     raise InputError(found, expected="time stamps or a rate", cure=cure, where=str(path))
 
 
-def check_steps(
-    source: Source, column: Column, time: FloatArray, rows: Any, longest: float
-) -> None:
-    """Raise when time does not run forward or cannot be seconds."""
+def check_steps(source: Source, column: Column, time: FloatArray, rows: Any, pace: Pace) -> None:
+    """Raise when time does not run forward or cannot be what its unit says."""
     step = np.diff(time)
     if step.size and step.min() <= 0.0:
-        k = int(np.argmax(step <= 0.0))
-        kind = "repeats" if step[k] == 0.0 else "goes backwards"
-        count = int(np.sum(step <= 0.0))
-        more = "" if count == 1 else f", as in {count} rows"
-        raise InputError(
-            f"time {kind} ({time[k]:.6f} s, then {time[k + 1]:.6f} s{more})",
-            expected="strictly increasing time",
-            cure="correct the file, or read it with repair=True to leave such rows out",
-            where=source.place(int(rows[k + 1]), column.name),
-        )
-    if step.size and float(np.median(step)) >= longest:
-        raise InputError(
-            f"as seconds, the samples are {np.median(step):g} s apart",
-            expected="the unit of time",
-            cure="name it, e.g. time_unit='ms'",
-            where=f"{source.path}, column '{column.name}'",
-        )
+        raise _not_forward(source, column, time, rows, step)
+    usual = float(np.median(step)) if step.size else 0.0
+    if not step.size or pace.fits(usual):
+        return
+    fitting = [u for u, f in _SCALES.items() if pace.fits(usual * f)]
+    text = f"{usual:g} s" if usual >= 1e-3 else f"{usual:.3g} s"
+    raise InputError(
+        f"the samples are {text} apart, a rate of {_hertz(usual)}",
+        expected=f"{pace.slowest:.3g} to {pace.fastest:g} Hz",
+        cure=f"say the right unit, e.g. time_unit='{fitting[0] if fitting else 'us'}', or, where "
+        f"they are right, rate={1.0 / usual:.4g}",
+        where=f"{source.path}, column '{column.name}'",
+    )
+
+
+def _not_forward(
+    source: Source, column: Column, time: FloatArray, rows: Any, step: FloatArray
+) -> InputError:
+    """Return the error for stamps that repeat or go backwards, with the likely cause."""
+    k = int(np.argmax(step <= 0.0))
+    kind = "repeats" if step[k] == 0.0 else "goes backwards"
+    count = int(np.sum(step <= 0.0))
+    more = "" if count == 1 else f", as in {count} rows"
+    expected, cure = "strictly increasing time", ""
+    packets = packet_size(time)
+    if packets is not None:
+        text = f"{packets[0]}" if packets[0] == packets[1] else f"{packets[0]} to {packets[1]}"
+        more += f": packets of {text} samples share one stamp"
+        cure = "read it with repair=True to spread them evenly, or give rate="
+    elif count > 0.5 * step.size and step.min() == 0.0:
+        more += ": the stamps were written with too few digits"
+        expected = "stamps whose resolution is finer than a sample"
+        cure = "write the file again with more digits, or give rate="
+    elif step.min() < 0.0 and step.size and joined_restarts(time, Notes()) is not time:
+        more += ": the clock starts again"
+        cure = "cut the file there, or read it with repair=True to put the parts behind each other"
+    return InputError(
+        f"time {kind} ({time[k]:.6f} s, then {time[k + 1]:.6f} s{more})",
+        expected=expected,
+        cure=cure or "correct the file, or read it with repair=True to leave such rows out",
+        where=source.place(int(rows[k + 1]), column.name),
+    )
 
 
 def check_rate(source: Source, column: Column, time: FloatArray) -> None:

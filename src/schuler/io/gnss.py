@@ -9,14 +9,16 @@ import numpy as np
 from schuler import units
 from schuler.data import GnssRecording
 from schuler.errors import InputError
-from schuler.io.clock import check_steps, even_axis, shifted, time_axis
+from schuler.io.clock import GNSS_PACE, check_steps, even_axis, shifted, time_axis
 from schuler.io.columns import GNSS_ROLES, Column, missing
+from schuler.io.gnss_checks import check_motion, held, unfixed
+from schuler.io.notes import Notes
 from schuler.io.options import ReadOptions, choose_columns, unit_of
 from schuler.io.source import Columns, Source
-from schuler.types import FloatArray
+from schuler.types import BoolArray, FloatArray
 
 _NED = ("north", "east", "down")
-_LONGEST_STEP = 120.0  # s between fixes, when no unit of time is named
+_FEW = 20  # epochs that may be left out of any file
 _POSITIONS = (
     ("latitude", "longitude", "height"),
     ("ecef_x", "ecef_y", "ecef_z"),
@@ -32,7 +34,7 @@ class _Table:
         self.source = source
         self.chosen = chosen
         self.columns = columns
-        self.notes: list[str] = []
+        self.notes = Notes((f"read from {source.path.name}", *source.history), source.assumptions)
 
     def has(self, *roles: str) -> bool:
         return all(r in self.chosen for r in roles)
@@ -47,19 +49,15 @@ class _Table:
             )
         factor, unit, assumed = unit_of(column, given, kind, default)
         if assumed and default != units.KINDS[kind].si:
-            self.note(f"{role} taken as {unit}: no unit is named")
+            self.notes.assumed(f"{role} taken as {unit}: no unit is named")
         elif factor != 1.0:
-            self.note(f"{role} converted from {unit}")
-        values: FloatArray = self.columns[column.name].astype(np.float64) * factor
+            self.notes.did(f"{role} converted from {unit}")
+        values: FloatArray = self.plain(role) * factor
         return values
 
     def plain(self, role: str) -> FloatArray:
         values: FloatArray = self.columns[self.chosen[role].name].astype(np.float64)
         return values
-
-    def note(self, text: str) -> None:
-        if text not in self.notes:
-            self.notes.append(text)
 
 
 def gnss_recording(source: Source, options: ReadOptions) -> GnssRecording:
@@ -71,27 +69,31 @@ def gnss_recording(source: Source, options: ReadOptions) -> GnssRecording:
     }
     columns = source.load(tuple(dict.fromkeys(c.name for c in chosen.values())))
     table = _Table(source, chosen, columns)
+    notes = table.notes
     position = _position(table, options)
-    time, notes = _time(table, position.shape[0], options)
-    time, moved = shifted(time, options.time_offset)
-    keep, dropped = _usable(table, time, position, options)
-    velocity, velocity_sd = _velocity(table)
+    time = _time(table, position.shape[0], options)
+    time = shifted(time, options.time_offset, notes)
+    velocity, velocity_sd = _velocity(table, options)
+    keep = _usable(table, time, position, velocity, options)
     position_sd = _position_sd(table)
     quality = _quality(table)
-    history = notes + moved + table.notes + dropped
-    rows = np.arange(time.size)[keep]
+    rows = np.flatnonzero(keep)
     if "time" in chosen and options.rate is None:
-        named = bool(options.time_unit or chosen["time"].unit)
-        check_steps(source, chosen["time"], time[keep], rows, np.inf if named else _LONGEST_STEP)
+        check_steps(source, chosen["time"], time[keep], rows, GNSS_PACE)
+    speed = None if velocity is None else velocity[keep]
+    measured_down = velocity_sd is not None and bool(np.isfinite(velocity_sd[keep][:, 2]).any())
+    measured_down |= table.has("velocity_down") or table.has("velocity_up")
+    check_motion(time[keep], position[keep], speed, measured_down, notes, str(source.path))
     recording = GnssRecording(
         time[keep],
         position[keep],
         _given_or(position_sd, options.position_sd, keep),
-        None if velocity is None else velocity[keep],
+        speed,
         None if velocity is None else _given_or(velocity_sd, options.velocity_sd, keep),
         None if quality is None else quality[keep],
         options.name or source.path.stem,
-        (f"read from {source.path.name}", *source.history, *history),
+        tuple(notes.history),
+        tuple(notes.assumptions),
     )
     return recording.with_standard_deviations(options.position_sd, options.velocity_sd)
 
@@ -109,6 +111,13 @@ def _check_position(source: Source, chosen: dict[str, Column], options: ReadOpti
     if not complete:
         started = max(_POSITIONS, key=lambda p: sum(r in chosen for r in p))
         lacking = [r for r in started if r not in chosen]
+        if lacking == ["height"]:
+            raise InputError(
+                "there is no height beside latitude and longitude",
+                expected="a column such as height_m",
+                cure="name it with columns={'height': ...}, or write the file with heights",
+                where=str(source.path),
+            )
         raise missing(" and ".join(lacking), source.names, str(source.path))
     text = [r for r in complete[0] if source.is_text(chosen[r].name)]
     if text:
@@ -120,25 +129,78 @@ def _check_position(source: Source, chosen: dict[str, Column], options: ReadOpti
         )
 
 
-def _time(table: _Table, size: int, options: ReadOptions) -> tuple[FloatArray, list[str]]:
+def _time(table: _Table, size: int, options: ReadOptions) -> FloatArray:
     if table.has("time") and options.rate is None:
-        return time_axis(table.source, table.chosen, table.columns, options.time_unit)
-    return even_axis(table.source, size, options.rate)
+        unit = options.time_unit
+        return time_axis(table.source, table.chosen, table.columns, unit, GNSS_PACE, table.notes)
+    return even_axis(table.source, size, options.rate, table.notes)
+
+
+def _angles(table: _Table, options: ReadOptions) -> tuple[FloatArray, FloatArray, bool]:
+    """Return latitude and longitude in radians, and whether they were scaled whole numbers."""
+    unit = options.angle_unit or table.chosen["latitude"].unit
+    raw = [table.plain(r) for r in ("latitude", "longitude")]
+    finite = [r[np.isfinite(r)] for r in raw]
+    most = [float(np.abs(r).max()) if r.size else 0.0 for r in finite]
+    where = str(table.source.path)
+    if unit:
+        pair = [table.values(r, "angle", "deg", options.angle_unit)
+                for r in ("latitude", "longitude")]  # fmt: skip
+        return pair[0], pair[1], False
+    whole = all(bool(np.all(r == np.round(r))) for r in finite)
+    if most[0] > 91.0 and whole and most[0] * 1e-7 <= 90.0 and most[1] * 1e-7 <= 360.0:
+        table.notes.assumed("latitude and longitude taken as 1e-7 deg: whole numbers of that size")
+        return np.radians(raw[0] * 1e-7), np.radians(raw[1] * 1e-7), True
+    if most[0] > 91.0:
+        minutes = all(bool(np.all(np.abs(r) % 100.0 < 60.0)) for r in finite) and most[0] < 9060.0
+        hint = (
+            "it looks like ddmm.mmmm of NMEA, degrees and minutes in one number"
+            if minutes
+            else "it is no latitude in degrees"
+        )
+        raise InputError(
+            f"latitude is {most[0]:g}: {hint}",
+            expected="degrees",
+            cure="write the file in degrees, say angle_unit='1e-7 deg' or the like, or, where "
+            "they are exchanged, columns={'latitude': ..., 'longitude': ...}",
+            where=where,
+        )
+    if 0.0 < most[0] <= np.pi / 2 + 1e-9 and most[1] <= np.pi + 1e-9:
+        raise InputError(
+            f"latitude and longitude name no unit and stay within {max(most):.3g}: radians, or "
+            "degrees near 0, 0",
+            expected="their unit",
+            cure="say angle_unit='rad' or angle_unit='deg'",
+            where=where,
+        )
+    pair = [table.values(r, "angle", "deg", None) for r in ("latitude", "longitude")]
+    return pair[0], pair[1], False
+
+
+def _height(table: _Table, scaled: bool) -> FloatArray:
+    column = table.chosen["height"]
+    raw = table.plain("height")
+    if scaled and not column.unit and bool(np.all(raw == np.round(raw))):
+        table.notes.assumed("height taken as mm: whole numbers beside 1e-7 deg")
+        height = raw * 1e-3
+    else:
+        height = table.values("height", "length", "m")
+    name = column.name.lower()
+    if "msl" in name:
+        table.notes.assumed(f"height from '{column.name}': above mean sea level, not the ellipsoid")
+    elif name.startswith("alt") and "ell" not in name:
+        table.notes.assumed(f"height from '{column.name}', taken as above the ellipsoid")
+    return height
 
 
 def _position(table: _Table, options: ReadOptions) -> FloatArray:
     if table.has(*_POSITIONS[0]):
-        latitude = table.values("latitude", "angle", "deg", options.angle_unit)
-        longitude = table.values("longitude", "angle", "deg", options.angle_unit)
-        height = table.values("height", "length", "m")
-        name = table.chosen["height"].name
-        if "msl" in name.lower():
-            table.note(f"height from '{name}': above mean sea level, not the ellipsoid")
-        return np.column_stack([latitude, longitude, height])
+        latitude, longitude, scaled = _angles(table, options)
+        return np.column_stack([latitude, longitude, _height(table, scaled)])
     if table.has(*_POSITIONS[1]):
         from schuler.earth import geodetic_from_ecef
 
-        table.note("position converted from earth-fixed x, y, z")
+        table.notes.did("position converted from earth-fixed x, y, z")
         xyz = np.column_stack([table.values(f"ecef_{a}", "length", "m") for a in "xyz"])
         return np.asarray(geodetic_from_ecef(xyz), dtype=np.float64)
     from schuler.earth import geodetic_from_ned
@@ -150,71 +212,108 @@ def _position(table: _Table, options: ReadOptions) -> FloatArray:
     )
     ned = np.column_stack([table.values(a, "length", "m") for a in ("north", "east")] + [down])
     if options.origin is None:
-        table.note(
+        if "baseline" in table.chosen["north"].name:
+            raise InputError(
+                "this is a baseline solution: east, north, up from a base",
+                expected="the position of the base",
+                cure="say origin=(latitude, longitude, height) in radians and metres",
+                where=str(table.source.path),
+            )
+        table.notes.assumed(
             "local coordinates without an origin: placed at 45 deg north, 0 deg east, height 0; "
             "only differences of position mean something, and gravity is uncertain by 0.03 m/s²"
         )
         origin = np.array([np.pi / 4.0, 0.0, 0.0])
     else:
-        table.note("position converted from local coordinates about the given origin")
+        table.notes.did("position converted from local coordinates about the given origin")
         origin = np.asarray(options.origin, dtype=np.float64)
     return np.asarray(geodetic_from_ned(ned, origin), dtype=np.float64)
 
 
 def _usable(
-    table: _Table, time: FloatArray, position: FloatArray, options: ReadOptions
-) -> tuple[Any, list[str]]:
-    """Return which epochs have a time and a position; raise when some have not."""
-    bad = ~np.isfinite(time) | ~np.isfinite(position).all(axis=1)
+    table: _Table,
+    time: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray | None,
+    options: ReadOptions,
+) -> BoolArray:
+    """Return which epochs are fixes of their own; raise when some have no time or position."""
+    notes, where = table.notes, table.source
+    empty = unfixed(position)
+    if empty.any() and not empty.all():
+        notes.assumed(f"left out {int(empty.sum())} epochs at 0, 0: no fix yet")
+    bad = (~np.isfinite(time) | ~np.isfinite(position).all(axis=1)) & ~empty
     if bad.any() and not options.repair:
         raise InputError(
             f"no time or no position in {int(bad.sum())} of {bad.size} epochs",
             expected="a number in every row",
             cure="read it with repair=True to leave these epochs out",
-            where=table.source.place(int(np.argmax(bad))),
+            where=where.place(int(np.argmax(bad))),
         )
-    if not options.repair:
-        return slice(None), []
-    keep = ~bad
+    keep = ~bad & ~(empty & ~empty.all())
+    if bad.any():
+        notes.assumed(f"left out {int(bad.sum())} epochs without time or position")
+    if keep.sum() > 2:
+        rows = np.flatnonzero(keep)
+        again = held(time[rows], position[rows], None if velocity is None else velocity[rows])
+        if again.any():
+            notes.assumed(
+                f"left out {int(again.sum())} epochs that repeat the fix before: held fixes"
+            )
+            keep[rows[again]] = False
+    if options.repair:
+        _leave_out_late(table, time, keep)
+    if not keep.any():
+        raise InputError("no epoch has a time and a position", where=str(where.path))
+    return keep
+
+
+def _leave_out_late(table: _Table, time: FloatArray, keep: BoolArray) -> None:
     latest = np.maximum.accumulate(np.where(keep, time, -np.inf))
     forward = np.ones(time.size, dtype=bool)
     forward[1:] = time[1:] > latest[:-1]
     late = int(np.sum(keep & ~forward))
-    notes = [f"left out {int(bad.sum())} epochs without time or position"] if bad.any() else []
+    if late > max(_FEW, 0.01 * time.size):
+        raise InputError(
+            f"time repeats or goes backwards in {late} of {time.size} epochs: too many to leave "
+            "out",
+            expected="a clock that runs forward, but for 1 % of the epochs",
+            cure="correct the time, or name another column with columns={'time': ...}",
+            where=str(table.source.path),
+        )
     if late:
-        notes.append(f"left out {late} epochs whose time repeats or goes backwards")
-    if not (keep & forward).any():
-        raise InputError("no epoch has a time and a position", where=str(table.source.path))
-    return keep & forward, notes
+        table.notes.assumed(f"left out {late} epochs whose time repeats or goes backwards")
+        keep &= forward
 
 
-def _velocity(table: _Table) -> tuple[FloatArray | None, FloatArray | None]:
+def _velocity(table: _Table, options: ReadOptions) -> tuple[FloatArray | None, FloatArray | None]:
     """Return velocity and standard deviation; what was not measured is 0 with infinite sd."""
+    unit = options.velocity_unit
     if table.has("velocity_north", "velocity_east"):
-        north = table.values("velocity_north", "velocity", "m/s")
-        east = table.values("velocity_east", "velocity", "m/s")
+        north = table.values("velocity_north", "velocity", "m/s", unit)
+        east = table.values("velocity_east", "velocity", "m/s", unit)
     elif table.has("speed", "course"):
-        speed = table.values("speed", "velocity", "m/s")
+        speed = table.values("speed", "velocity", "m/s", unit)
         course = table.values("course", "angle", "deg")
         north, east = speed * np.cos(course), speed * np.sin(course)
-        table.note("velocity computed from speed and course")
+        table.notes.did("velocity computed from speed and course")
     else:
         return None, None
     if table.has("velocity_down"):
-        down = table.values("velocity_down", "velocity", "m/s")
+        down = table.values("velocity_down", "velocity", "m/s", unit)
     elif table.has("velocity_up"):
-        down = -table.values("velocity_up", "velocity", "m/s")
-        table.note("velocity down from velocity up")
+        down = -table.values("velocity_up", "velocity", "m/s", unit)
+        table.notes.did("velocity down from velocity up")
     else:
         down = np.full(north.size, np.nan)
-        table.note("velocity down was not measured")
+        table.notes.did("velocity down was not measured")
     velocity = np.column_stack([north, east, down])
     sd = _spread(table, "velocity_sd", "velocity", "m/s")
     if sd is None:
         sd = np.full(velocity.shape, np.nan)
     unknown = ~np.isfinite(velocity)
     if unknown[:, :2].any():
-        table.note(f"{int(unknown[:, 0].sum())} epochs have no velocity")
+        table.notes.did(f"{int(unknown[:, 0].sum())} epochs have no velocity")
     return np.where(unknown, 0.0, velocity), np.where(unknown, np.inf, sd)
 
 
@@ -229,7 +328,7 @@ def _position_sd(table: _Table) -> FloatArray | None:
     down = np.full(horizontal.size, np.nan)
     if table.has("vertical_accuracy"):
         down = table.values("vertical_accuracy", "length", "m")
-    table.note("position standard deviations from horizontal accuracy / sqrt(2)")
+    table.notes.did("position standard deviations from horizontal accuracy / sqrt(2)")
     return np.column_stack([horizontal, horizontal, down])
 
 
@@ -238,7 +337,7 @@ def _spread(table: _Table, role: str, kind: str, unit: str) -> FloatArray | None
     if table.has(*(f"{role}_{a}" for a in _NED)):
         return np.column_stack([table.values(f"{role}_{a}", kind, unit) for a in _NED])
     if table.has(role):
-        table.note(f"'{table.chosen[role].name}' taken for each of north, east, down")
+        table.notes.assumed(f"'{table.chosen[role].name}' taken for each of north, east, down")
         return np.repeat(table.values(role, kind, unit)[:, np.newaxis], 3, axis=1)
     return None
 

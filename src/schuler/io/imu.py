@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,14 +12,32 @@ import numpy as np
 from schuler import units
 from schuler.data import ImuRecording
 from schuler.errors import InputError
-from schuler.io.clock import check_rate, check_steps, even_axis, shifted, time_axis
-from schuler.io.columns import IMU_ROLES, Column, imu_numbers, missing, names_of_imu
+from schuler.io.clock import (
+    IMU_PACE,
+    check_rate,
+    check_steps,
+    even_axis,
+    repaired_time,
+    shifted,
+    time_axis,
+)
+from schuler.io.columns import (
+    IMU_ROLES,
+    Column,
+    imu_numbers,
+    missing,
+    names_of_imu,
+    unused_rates,
+)
+from schuler.io.notes import Notes
 from schuler.io.options import ReadOptions, choose_columns, unit_of
 from schuler.io.source import Columns, Source
+from schuler.io.two_rates import on_one_axis
+from schuler.io.units_by_physics import Taken, confirm_units, refuse_impossible
 from schuler.types import FloatArray
 
 _AXES = ("x", "y", "z")
-_LONGEST_STEP = 0.5  # s; slower than 2 Hz is no IMU but a unit that was not named
+_FEW = 20  # rows that may be left out of any file
 
 
 def imu_recordings(
@@ -37,7 +57,9 @@ def imu_recordings(
         return (_one_of_wide(source, side_by_side[0], options, ""),)
     columns = _load(source, chosen)
     rows = np.arange(_length(source, columns))
-    return (_assemble(source, chosen, columns, rows, options, options.name or source.path.stem),)
+    notes = _notes(source, source.names, chosen, options)
+    name = options.name or source.path.stem
+    return (_assemble(source, chosen, columns, rows, options, name, notes),)
 
 
 def _wanted(
@@ -46,7 +68,7 @@ def _wanted(
     """Return the numbers of the IMUs to be read, each with a line of history."""
     of_all = f"of {len(numbers)} in the file"
     if options.imu is None and only_first and len(numbers) > 1:
-        text = f"IMU {numbers[0]} {of_all} (the first; choose another with imu=)"
+        text = f"IMU {numbers[0]} {of_all} (the first; choose another with imu={numbers[-1]})"
         return ((numbers[0], text),)
     if options.imu is None:
         return tuple((k, f"IMU {k} {of_all}") for k in numbers)
@@ -67,11 +89,50 @@ def _one_of_wide(source: Source, number: int, options: ReadOptions, note: str) -
     columns = _load(source, chosen)
     rows = np.arange(_length(source, columns))
     name = options.name or f"{source.path.stem} imu{number}"
-    return _noted(_assemble(source, chosen, columns, rows, options, name), note)
+    notes = _notes(source, tuple(names.values()), chosen, options)
+    return _noted(_assemble(source, chosen, columns, rows, options, name, notes), note)
 
 
 def _noted(recording: ImuRecording, *notes: str) -> ImuRecording:
-    return replace(recording, history=(*recording.history, *(n for n in notes if n)))
+    lines = tuple(n for n in notes if n)
+    chosen = tuple(n for n in lines if "choose another" in n or "replaced by" in n)
+    return replace(
+        recording,
+        history=(*recording.history, *lines),
+        assumptions=(*recording.assumptions, *chosen),
+    )
+
+
+def _notes(
+    source: Source, names: tuple[str, ...], chosen: dict[str, Column], options: ReadOptions
+) -> Notes:
+    """Begin the notes of a recording: what its file says, and which columns are not used."""
+    notes = Notes((f"read from {source.path.name}", *source.history), source.assumptions)
+    unused = unused_rates(names, chosen.values(), source.units)
+    told = options.columns if isinstance(options.columns, Mapping) else {}
+    for sensor, kind in (("gyro", "angular rate"), ("accel", "acceleration")):
+        there = any(_plays(chosen, r) for r, (_, _, s) in _KINDS.items() if s == sensor)
+        left = unused.get(kind, [])
+        shown = ", ".join(left[:6]) + (", ..." if len(left) > 6 else "")
+        refused = any(r.startswith(sensor) for r in told)
+        if not there and len(left) >= 3 and not refused:
+            raise InputError(
+                f"no column for {sensor}, but not used, with a unit of {kind}: {shown}",
+                expected=f"names such as {sensor}_x",
+                cure=f"say which is which with columns={{'{sensor}': ('{left[0]}', ...)}}, or "
+                f"leave the sensor out with columns={{'{sensor}_x': None}}",
+                where=str(source.path),
+            )
+        if left:
+            notes.assumed(f"not used, though with a unit of {kind}: {shown}")
+    lacking = [s for s in ("gyro", "accel")
+               if not any(_plays(chosen, r) for r, k in _KINDS.items() if k[2] == s)]  # fmt: skip
+    if lacking and not any(r.startswith(lacking[0]) for r in told):
+        notes.assumed(f"no columns for {lacking[0]}: not recorded")
+    turned = {"gyro_x": r"roll_?rate", "gyro_y": r"pitch_?rate", "gyro_z": r"yaw_?rate"}
+    if all(r in chosen and re.search(p, chosen[r].name, re.I) for r, p in turned.items()):
+        notes.assumed("gyro x, y, z taken from the rates of roll, pitch, yaw")
+    return notes
 
 
 def _from_blocks(
@@ -95,7 +156,8 @@ def _from_blocks(
         if k in shared:
             block[chosen["time"].name], note = shared[k]
         name = options.name or f"{source.path.stem} imu{k}"
-        recording = _assemble(source, chosen, block, rows[k], options, name)
+        notes = _notes(source, source.names, chosen, options)
+        recording = _assemble(source, chosen, block, rows[k], options, name, notes)
         recordings.append(_noted(recording, one_of_many, note))
     return tuple(recordings)
 
@@ -160,31 +222,40 @@ def _assemble(
     rows: Any,
     options: ReadOptions,
     name: str,
+    notes: Notes,
 ) -> ImuRecording:
     """Build the recording of one IMU out of its columns; `rows` are their rows in the file."""
     _check_enough(source, rows.size)
     stamped = "time" in chosen and options.rate is None
     if stamped:
-        time, notes = time_axis(source, chosen, columns, options.time_unit)
+        time = time_axis(source, chosen, columns, options.time_unit, IMU_PACE, notes)
+        time = repaired_time(time, notes) if options.repair else time
     else:
-        time, notes = even_axis(source, rows.size, options.rate)
-    time, moved = shifted(time, options.time_offset)
-    gyro, accel, converted = _signals(source, chosen, columns, options)
-    temperature, cold = _temperature(chosen, columns)
-    keep, dropped = _usable_rows(source, chosen, time, gyro, accel, rows, options)
-    if dropped:
+        time = even_axis(source, rows.size, options.rate, notes)
+    time = shifted(time, options.time_offset, notes)
+    gyro, accel, taken = _signals(source, chosen, columns, options, notes)
+    temperature = _temperature(chosen, columns, notes)
+    merged = on_one_axis(time, gyro, accel, notes)
+    if merged is not None:
+        gyro, accel, own = merged
+        time, gyro, accel, rows = time[own], gyro[own], accel[own], rows[own]
+        temperature = None if temperature is None else temperature[own]
+    keep = _usable_rows(source, chosen, (time, gyro, accel), rows, options, notes)
+    if not isinstance(keep, slice):
         time, gyro, accel, rows = time[keep], gyro[keep], accel[keep], rows[keep]
         temperature = None if temperature is None else temperature[keep]
-    if stamped:
-        named = bool(options.time_unit or chosen["time"].unit)
-        check_steps(source, chosen["time"], time, rows, np.inf if named else _LONGEST_STEP)
     _check_enough(source, time.size)
     if stamped:
+        check_steps(source, chosen["time"], time, rows, IMU_PACE)
         check_rate(source, chosen["time"], time)
-    gyro, accel, divided = _rates_from_increments(chosen, time, gyro, accel, options)
-    history = (f"read from {source.path.name}", *source.history, *notes, *moved)
-    history = (*history, *converted, *cold, *dropped, *divided)
-    return ImuRecording(time, gyro, accel, name, temperature, history)
+    gyro, accel = _rates_from_increments(chosen, time, gyro, accel, options, notes)
+    where = str(source.path)
+    confirm_units(time, gyro, accel, taken, notes, where)
+    said = Taken(options.gyro_unit is not None, options.accel_unit is not None)
+    refuse_impossible(gyro, accel, said, where)
+    return ImuRecording(
+        time, gyro, accel, name, temperature, tuple(notes.history), tuple(notes.assumptions)
+    )
 
 
 def _check_enough(source: Source, count: int) -> None:
@@ -197,27 +268,31 @@ def _check_enough(source: Source, count: int) -> None:
         )
 
 
-def _temperature(
-    chosen: dict[str, Column], columns: Columns
-) -> tuple[FloatArray | None, list[str]]:
+def _temperature(chosen: dict[str, Column], columns: Columns, notes: Notes) -> FloatArray | None:
     """Return degrees Celsius, or None when not every row has a value."""
     if "temperature" not in chosen:
-        return None, []
+        return None
     values: FloatArray = columns[chosen["temperature"].name].astype(np.float64)
     if not np.isfinite(values).all():
-        return None, ["temperature left out: it is not complete"]
+        notes.assumed("temperature left out: it is not complete")
+        return None
     if chosen["temperature"].unit.lower() == "k":
-        return values - 273.15, ["temperature converted from K"]
-    return values, []
+        notes.did("temperature converted from K")
+        return values - 273.15
+    return values
 
 
 def _signals(
-    source: Source, chosen: dict[str, Column], columns: Columns, options: ReadOptions
-) -> tuple[FloatArray, FloatArray, list[str]]:
+    source: Source,
+    chosen: dict[str, Column],
+    columns: Columns,
+    options: ReadOptions,
+    notes: Notes,
+) -> tuple[FloatArray, FloatArray, Taken]:
     """Return gyro and accelerometer in SI (rates, or increments not yet divided)."""
     n = _length(source, columns)
     result = {"gyro": np.full((n, 3), np.nan), "accel": np.full((n, 3), np.nan)}
-    notes: list[str] = []
+    taken = set()
     for role, (kind, default, sensor) in _KINDS.items():
         if not _plays(chosen, role) or (role.endswith("step") and _plays(chosen, sensor)):
             continue
@@ -230,14 +305,12 @@ def _signals(
             factor, unit, assumed = unit_of(column, given, its_kind or kind, its_default or default)
             values = columns[column.name].astype(np.float64)
             result[sensor][:, k] = values * factor if factor != 1.0 else values
-            note = ""
             if assumed:
-                note = f"{sensor} taken as {unit}: no unit is named"
+                taken.add(sensor)
             elif factor != 1.0:
-                note = f"{sensor} converted from {unit.replace('_s2', '/s^2').replace('_', '/')}"
-            if note and note not in notes:
-                notes.append(note)
-    return result["gyro"], result["accel"], notes
+                written = unit.replace("_s2", "/s^2").replace("_", "/")
+                notes.did(f"{sensor} converted from {written}")
+    return result["gyro"], result["accel"], Taken("gyro" in taken, "accel" in taken)
 
 
 def _plays(chosen: dict[str, Column], role: str) -> bool:
@@ -256,13 +329,13 @@ def _kind(unit: str, role: str, options: ReadOptions) -> tuple[str, str]:
 def _usable_rows(
     source: Source,
     chosen: dict[str, Column],
-    time: FloatArray,
-    gyro: FloatArray,
-    accel: FloatArray,
+    signals: tuple[FloatArray, FloatArray, FloatArray],
     rows: Any,
     options: ReadOptions,
-) -> tuple[Any, list[str]]:
-    """Find rows that cannot be used: raise, or with repair return which to keep and why."""
+    notes: Notes,
+) -> Any:
+    """Find rows that cannot be used: raise, or with repair return which to keep."""
+    time, gyro, accel = signals
     bad = ~np.isfinite(time)
     first = ("time", bad) if bad.any() else None
     for role, (_, _, sensor) in _KINDS.items():
@@ -290,16 +363,26 @@ def _usable_rows(
             where=source.place(int(rows[row]), chosen[role].name),
         )
     keep = ~bad
-    notes = [f"left out {int(bad.sum())} rows with NaN or no value"] if bad.any() else []
+    if bad.any():
+        line = f"left out {int(bad.sum())} rows with NaN or no value"
+        (notes.assumed if options.repair else notes.did)(line)
     if not options.repair:
-        return keep if bad.any() else slice(None), notes
+        return keep if bad.any() else slice(None)
     latest = np.maximum.accumulate(np.where(keep, time, -np.inf))
     forward = np.ones(time.size, dtype=bool)
     forward[1:] = time[1:] > latest[:-1]
     late = int(np.sum(keep & ~forward))
+    if late > max(_FEW, 0.01 * time.size):
+        row = int(np.argmax(keep & ~forward))
+        raise InputError(
+            f"time repeats or goes backwards in {late} of {time.size} rows: too many to leave out",
+            expected="a clock that runs forward, but for 1 % of the rows",
+            cure="correct the time, name another column with columns={'time': ...}, or give rate=",
+            where=source.place(int(rows[row]), chosen["time"].name if "time" in chosen else ""),
+        )
     if late:
-        notes.append(f"left out {late} rows whose time repeats or goes backwards")
-    return keep & forward, notes
+        notes.assumed(f"left out {late} rows whose time repeats or goes backwards")
+    return keep & forward if bad.any() or late else slice(None)
 
 
 def _no_axis_all_zero(
@@ -323,7 +406,8 @@ def _rates_from_increments(
     gyro: FloatArray,
     accel: FloatArray,
     options: ReadOptions,
-) -> tuple[FloatArray, FloatArray, list[str]]:
+    notes: Notes,
+) -> tuple[FloatArray, FloatArray]:
     """Divide increments by the time since the sample before.
 
     After a gap the sensor has summed over one ordinary interval only, and the first sample has no
@@ -333,7 +417,6 @@ def _rates_from_increments(
     usual = float(np.median(step))
     interval = np.concatenate([[usual], step])
     interval[interval > 1.5 * usual] = usual
-    notes = []
     arrays = {"gyro": gyro, "accel": accel}
     for sensor, role, kind in (
         ("gyro", "angle_step", "angle"),
@@ -350,5 +433,5 @@ def _rates_from_increments(
             )
         if stepwise:
             arrays[sensor] = arrays[sensor] / interval[:, np.newaxis]
-            notes.append(f"{sensor} increments divided by the time step")
-    return arrays["gyro"], arrays["accel"], notes
+            notes.did(f"{sensor} increments divided by the time step")
+    return arrays["gyro"], arrays["accel"]

@@ -9,15 +9,8 @@ from pathlib import Path
 
 from schuler.data.table import write_text
 from schuler.errors import ModelError
-from schuler.noise import (
-    BiasInstability,
-    GaussMarkov,
-    NoiseModel,
-    ProcessSum,
-    Quantization,
-    RandomWalk,
-    WhiteNoise,
-)
+from schuler.noise import NoiseModel
+from schuler.noise.elements import Elements
 from schuler.units import format_value
 
 _FAST = 1.0
@@ -66,7 +59,7 @@ def kalibr_yaml(noise_model: NoiseModel, *, rate: float | None = None, topic: st
         f"# Source: {' '.join(noise_model.source.split()) or 'not stated'}",
     ]
     for sensor, word, unit in (("accel", "accelerometer", "m/s^2"), ("gyro", "gyroscope", "rad/s")):
-        density, walk = _triad(noise_model, sensor)
+        density, walk = triad(noise_model, sensor, 1.0 / (noise_model.rate or wanted))
         per_second = "m/s^3" if sensor == "accel" else "rad/s^2"
         shown = format_value(density.value, f"{sensor} white noise", digits=4)
         lines += [
@@ -108,15 +101,16 @@ def _plain(value: float) -> str:
     return f"{mantissa if '.' in mantissa else mantissa + '.0'}{mark}{exponent}"
 
 
-def _triad(model: NoiseModel, sensor: str) -> tuple[_Number, _Number]:
+def triad(model: NoiseModel, sensor: str, dt: float) -> tuple[_Number, _Number]:
     """Worst white noise and worst walk of the axes of one sensor."""
     channels = [c for c in model.channels if c.startswith(sensor)]
     if not channels:
         raise ModelError(
             f"noise model has no {sensor} channel", expected="gyro and accelerometer for Kalibr"
         )
-    densities = {c: _density(model.process(c), c) for c in channels}
-    walks = {c: _walk(model, c, densities[c].value) for c in channels}
+    seen = {c: model.process(c).elements(dt) for c in channels}
+    densities = {c: _density(seen[c], dt, c) for c in channels}
+    walks = {c: _walk(model, seen[c], dt, c, densities[c].value) for c in channels}
     # a walk that was found goes before one that is only not excluded
     found = {c: w for c, (w, seen) in walks.items() if seen}
     chosen = found or {c: w for c, (w, _) in walks.items()}
@@ -126,27 +120,13 @@ def _triad(model: NoiseModel, sensor: str) -> tuple[_Number, _Number]:
     )
 
 
-def _gauss_markovs(process: ProcessSum) -> list[GaussMarkov]:
-    found: list[GaussMarkov] = []
-    for part in process.parts:
-        if isinstance(part, GaussMarkov):
-            found.append(part)
-        elif isinstance(part, BiasInstability):
-            found += part.gauss_markovs
-    return [g for g in found if g.sigma > 0.0]
-
-
-def _density(process: ProcessSum, channel: str) -> _Number:
-    white = math.fsum(p.density**2 for p in process.parts if isinstance(p, WhiteNoise))
+def _density(seen: Elements, dt: float, channel: str) -> _Number:
+    white = seen.white * dt
     # noise faster than a second is white to whoever integrates for longer
-    fast = math.fsum(
-        2.0 * g.sigma**2 * g.correlation_time
-        for g in _gauss_markovs(process)
-        if g.correlation_time < _FAST
-    )
+    fast = math.fsum(2.0 * variance * time for variance, time in seen.gauss_markovs if time < _FAST)
     if white + fast <= 0.0:
         cure = "give it a white noise term; Kalibr refuses a density of zero"
-        if any(isinstance(p, Quantization) for p in process.parts):
+        if seen.quantization > 0.0:
             cure += " (quantisation is not white)"
         raise ModelError(f"{channel} has no white noise", cure=cure)
     reason = f"white noise of {channel}"
@@ -155,14 +135,13 @@ def _density(process: ProcessSum, channel: str) -> _Number:
     return _Number(math.sqrt(white + fast), reason)
 
 
-def _walk(model: NoiseModel, channel: str, density: float) -> tuple[_Number, bool]:
+def _walk(
+    model: NoiseModel, seen: Elements, dt: float, channel: str, density: float
+) -> tuple[_Number, bool]:
     """Return the walk of a channel and whether anything of the kind was found."""
-    process = model.process(channel)
-    walk = math.fsum(p.density**2 for p in process.parts if isinstance(p, RandomWalk))
+    walk = seen.walk / dt
     slow = math.fsum(
-        2.0 * g.sigma**2 / g.correlation_time
-        for g in _gauss_markovs(process)
-        if g.correlation_time >= _FAST
+        2.0 * variance / time for variance, time in seen.gauss_markovs if time >= _FAST
     )
     if slow > 0.0:
         parts = "random walk and Gauss-Markov noise" if walk > 0.0 else "Gauss-Markov noise"

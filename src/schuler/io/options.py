@@ -20,8 +20,8 @@ class ReadOptions:
     ----------
     columns : mapping or sequence, optional
         Which column is what.
-    time_unit, gyro_unit, accel_unit, angle_unit : str, optional
-        Units.
+    time_unit, gyro_unit, accel_unit, angle_unit, velocity_unit : str, optional
+        Units; a pattern such as ``%d.%m.%Y %H:%M:%S%.f`` for time written as dates.
     time_offset : float
         Seconds added to the time.
     rate : float, optional
@@ -52,6 +52,7 @@ class ReadOptions:
     gyro_unit: str | None = None
     accel_unit: str | None = None
     angle_unit: str | None = None
+    velocity_unit: str | None = None
     rate: float | None = None
     increments: bool | None = None
     delimiter: str | None = None
@@ -114,7 +115,20 @@ def choose_columns(
             raise missing(f"{role} ('{given}')", source.names, str(source.path))
         unit = source.units.get(name, split_unit(name)[1])
         found[role] = Column(role, name, unit)
+        for other in _OTHERS.get(role, ()):
+            if other not in options.columns:
+                found.pop(other, None)
     return found
+
+
+# What one column says in place of another: a velocity up leaves no velocity down.
+_OTHERS = {
+    "time": ("time_fraction",),
+    "velocity_up": ("velocity_down",),
+    "velocity_down": ("velocity_up",),
+    "up": ("down",),
+    "down": ("up",),
+}
 
 
 def _single(columns: Mapping[str, Any]) -> dict[str, Any]:

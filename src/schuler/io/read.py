@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, SchulerError
-from schuler.io.binary import open_npz, open_parquet
-from schuler.io.detect import detect_format, file_in_folder
+from schuler.io.folder import file_in_folder
+from schuler.io.format import What
 from schuler.io.gnss import gnss_recording
 from schuler.io.imu import imu_recordings
 from schuler.io.options import ReadOptions
-from schuler.io.rosbag import open_bag
-from schuler.io.rtklib import open_pos
+from schuler.io.registry import format_of, open_with
 from schuler.io.sensors import SensorKind, SensorSeries, sensor_series
 from schuler.io.source import Source
-from schuler.io.text import open_text
 
 Kind = Literal["imu", "gnss"]
 
@@ -78,7 +76,7 @@ def read_imu(path: str | Path, **how: Any) -> ImuRecording:
         A unit that is not known or does not fit.
     """
     options = _options(how, "imu")
-    source, options = _open(Path(path), "imu", options)
+    source = _open(Path(path), "imu", options)
     recordings: tuple[ImuRecording, ...] = _located(source, imu_recordings, source, options, True)
     return recordings[0]
 
@@ -90,7 +88,7 @@ def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:
     column ``imu`` that holds their number.
     """
     options = _options(how, "imu")
-    source, options = _open(Path(path), "imu", options)
+    source = _open(Path(path), "imu", options)
     recordings: tuple[ImuRecording, ...] = _located(source, imu_recordings, source, options, False)
     return recordings
 
@@ -143,7 +141,7 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
         A unit that is not known or does not fit.
     """
     options = _options(how, "gnss")
-    source, options = _open(Path(path), "gnss", options)
+    source = _open(Path(path), "gnss", options)
     recording: GnssRecording = _located(source, gnss_recording, source, options)
     return recording
 
@@ -153,15 +151,13 @@ def read_sensor(
 ) -> SensorSeries:
     """Read what a heading sensor, barometer or magnetometer measured."""
     path = Path(path)
-    form = detect_format(path)
-    if form in ("bag", "pos"):
+    if "sensor" not in format_of(path).holds:
         raise InputError(
             f"no file of a {kind.name}",
             expected="text, Parquet or NPZ with columns such as " + kind.example,
             where=str(path),
         )
-    options = ReadOptions(repair=repair)
-    source, _ = _open(path, "imu", options)
+    source = _open(path, "sensor", ReadOptions(repair=repair))
     built: SensorSeries = _located(
         source, partial(sensor_series, unit=unit, repair=repair), source, kind
     )
@@ -169,7 +165,7 @@ def read_sensor(
 
 
 _ONLY_IMU = {"gyro_unit", "accel_unit", "increments", "imu", "missing"}
-_ONLY_GNSS = {"angle_unit", "origin", "position_sd", "velocity_sd"}
+_ONLY_GNSS = {"angle_unit", "velocity_unit", "origin", "position_sd", "velocity_sd"}
 
 
 def _options(how: dict[str, Any], kind: Kind) -> ReadOptions:
@@ -182,35 +178,11 @@ def _options(how: dict[str, Any], kind: Kind) -> ReadOptions:
     return ReadOptions(**how)
 
 
-def _open(path: Path, kind: Kind, options: ReadOptions) -> tuple[Source, ReadOptions]:
+def _open(path: Path, what: What, options: ReadOptions) -> Source:
     """Find the file, detect its format and open it with the reader of that format."""
     if path.is_dir():
-        path = file_in_folder(path, kind)
-    form = detect_format(path)
-    if form == "parquet":
-        return open_parquet(path), options
-    if form == "npz":
-        return open_npz(path), options
-    if form == "bag":
-        return open_bag(path, kind, options.topic, options.clock), options
-    if form == "pos":
-        if kind == "imu":
-            raise InputError(
-                "this is an RTKLIB solution", expected="an IMU recording", where=str(path)
-            )
-        return open_pos(path), options
-    text = options.text()
-    source = open_text(path, text)
-    if text.names:
-        options = replace(options, columns=None)
-    if not source.layout.named and options.columns is None:
-        raise InputError(
-            f"the file has no line with the names of its {len(source.names)} columns",
-            expected="a header, or the names in order",
-            cure="give them, e.g. columns=('time', 'gyro_x', 'gyro_y', 'gyro_z', 'accel_x', ...)",
-            where=str(path),
-        )
-    return source, options
+        path = file_in_folder(path, what)
+    return open_with(format_of(path), path, what, options)
 
 
 def _located(source: Source, build: Any, *arguments: Any) -> Any:

@@ -10,8 +10,9 @@ import numpy as np
 
 from schuler import units
 from schuler.errors import InputError, UnitError
-from schuler.io.clock import time_axis
+from schuler.io.clock import ANY_PACE, time_axis
 from schuler.io.columns import IMU_ROLES, Column, find_columns, missing
+from schuler.io.notes import Notes
 from schuler.io.source import Source
 from schuler.types import FloatArray
 
@@ -122,7 +123,7 @@ def sensor_series(
         if source.is_text(chosen[role].name):
             place = source.place(0, chosen[role].name)
             raise InputError("the column holds text", expected="numbers", where=place)
-    time, _ = time_axis(source, chosen, columns, None)
+    time = time_axis(source, chosen, columns, None, ANY_PACE, Notes())
     of = kind.quantities[quantity][0]
     factors = [_scale(chosen[r], of, unit, source) for r in measured]
     values = np.column_stack(

@@ -41,6 +41,10 @@ class Source(Protocol):
     def history(self) -> tuple[str, ...]:
         """What the reader did so far."""
 
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What the reader took for granted without being told."""
+
     def is_text(self, name: str) -> bool:
         """Tell whether a column holds text (such as a date) instead of numbers."""
 
@@ -100,6 +104,8 @@ class MemorySource:
         What the reader did.
     row_word : str
         What one row is called in messages.
+    assumptions : tuple of str
+        What the reader took for granted.
     """
 
     path: Path
@@ -108,6 +114,7 @@ class MemorySource:
     rate: float | None = None
     history: tuple[str, ...] = ()
     row_word: str = "row"
+    assumptions: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -150,3 +157,50 @@ def existing_file(path: Path) -> Path:
             where=str(path),
         )
     return path
+
+
+class RenamedSource:
+    """A source under other names and with units that its file leaves out.
+
+    Parameters
+    ----------
+    source : Source
+        What stands in the file.
+    renamed : mapping of str to str
+        Name in the file by the name it gets.
+    units : mapping of str to str
+        Units by name.
+    history, assumptions : tuple of str
+        What is added to those of the source.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        renamed: Mapping[str, str],
+        units: Mapping[str, str],
+        history: tuple[str, ...],
+        assumptions: tuple[str, ...],
+    ) -> None:
+        given = {name: ours for ours, name in renamed.items()}
+        self._source = source
+        self._of = {given.get(n, n): n for n in source.names}
+        self.path = source.path
+        self.names = tuple(self._of)
+        self.units = units
+        self.rate = source.rate
+        self.history = (*source.history, *history, *assumptions)
+        self.assumptions = (*source.assumptions, *assumptions)
+
+    def is_text(self, name: str) -> bool:
+        """Tell whether a column holds text."""
+        return self._source.is_text(self._of[name])
+
+    def load(self, names: Sequence[str]) -> Columns:
+        """Read the columns."""
+        table = self._source.load(tuple(self._of[n] for n in names))
+        return {n: table[self._of[n]] for n in names}
+
+    def place(self, row: int, name: str = "") -> str:
+        """Return file, line or row, and column as it stands in the file."""
+        return self._source.place(row, self._of.get(name, name))

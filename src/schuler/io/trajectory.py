@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -73,8 +74,22 @@ def write_columns(
         return
     import polars
 
-    frame = polars.DataFrame(columns)
+    frame = polars.DataFrame({n: np.round(c, _digits(n)) for n, c in columns.items()})
     write_atomically(path, lambda temporary: frame.write_csv(temporary))
+
+
+_DIGITS = (
+    (r"time_s", 9),
+    (r"(?:latitude|longitude)_deg", 11),
+    (r"(?:height|pos_std_\w+)_m", 5),
+    (r"vel_\w+_m_s", 6),
+    (r"(?:roll|pitch|heading|att_std_\w+)_deg", 7),
+)
+"""Digits behind the point that mean something in CSV; other columns keep all of theirs."""
+
+
+def _digits(name: str) -> int:
+    return next((d for pattern, d in _DIGITS if re.fullmatch(pattern, name)), 15)
 
 
 def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:

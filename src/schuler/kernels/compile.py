@@ -42,8 +42,9 @@ def cache_directory() -> Path:
         `<user cache>/kernels-<digest>`; `SCHULER_CACHE_DIR` overrides the user cache.
     """
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(source.name.encode())
+    here = Path(__file__).parent
+    for source in sorted(here.rglob("*.py")):
+        digest.update(source.relative_to(here).as_posix().encode())
         digest.update(source.read_bytes())
     return _user_cache() / f"kernels-{digest.hexdigest()[:16]}"
 

@@ -12,15 +12,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from schuler.data import ImuRecording
-from schuler.navigation.aiding.gnss import VEHICLE_VELOCITY, ZERO_RATE, ZERO_VELOCITY
-from schuler.navigation.aiding.vehicle import (
+from schuler.navigation.aiding.schedule import VEHICLE_VELOCITY, ZERO_RATE, ZERO_VELOCITY
+from schuler.navigation.aiding.standstill import (
     REST_INTERVAL,
     REST_RATE_SD,
     REST_VELOCITY_SD,
     STEADY_ACCEL,
     STEADY_GYRO,
-    VehicleConstraint,
 )
+from schuler.navigation.aiding.vehicle import VehicleConstraint
 from schuler.navigation.preparation.gaps import (
     SHORTEST_GAP,
     SHORTEST_GAP_STEPS,

@@ -8,34 +8,26 @@ once more when the smoother comes by; the numbers are the same to the last bit.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.kernels.navigation.filter_data import AidingOutputs, Filter, NodeOutputs, SampleOutputs
+from schuler.kernels.navigation.filter_data import FilterState as KernelState
+from schuler.navigation.aiding.schedule import GENERAL, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import (
-    AidingOutputs,
-    NodeOutputs,
-    SampleOutputs,
-    measurement_bytes,
-    node_bytes,
-)
+from schuler.navigation.outputs import measurement_bytes, node_bytes
 from schuler.navigation.stepping import (
-    NO_SCALE,
     NO_VEHICLE,
     FilterStepper,
     InitialState,
     VehicleStates,
-    aiding_arrays,
-    measurement_arrays,
-    node_arrays,
-    sample_arrays,
+    kernel_samples,
+    kernel_schedule,
 )
 from schuler.types import FloatArray
 
@@ -70,15 +62,14 @@ class NodeStretch:
         Numbers of the first node and of the one behind the last.
     nodes : NodeOutputs
         Node number k in row k modulo the number of rows of each array.
-    row, gain : ndarray
-        Of the measurements, likewise.
+    aiding : AidingOutputs
+        Of the measurements, rows of H and gains likewise.
     """
 
     first: int
     stop: int
     nodes: NodeOutputs
-    row: FloatArray
-    gain: FloatArray
+    aiding: AidingOutputs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,24 +79,23 @@ class Checkpoints:
     Parameters
     ----------
     stepper : FilterStepper
-        Of the run; its memory is overwritten.
+        Of the run; its state is overwritten.
+    filter : Filter
+        The one of the run, with all that it took.
     start : tuple of int
         First sample of every part, and the number of samples.
     nodes : tuple of int
         Nodes made before every part, and in all.
     memories, counters : tuple of ndarray
-        Of the filter before every part.
-    inputs : tuple
-        Time, gyro, accel, white scale, arrays of measurements, and the time of the last node
-        before every part.
+        Of the filter's state before every part.
     """
 
     stepper: FilterStepper
+    filter: Filter
     start: tuple[int, ...]
     nodes: tuple[int, ...]
     memories: tuple[FloatArray, ...]
     counters: tuple[NDArray[np.int64], ...]
-    inputs: tuple[Any, ...]
 
     @property
     def bytes(self) -> int:
@@ -129,41 +119,24 @@ class Checkpoints:
         NodeStretch
             The nodes made in it.
         """
-        stepper = self.stepper
-        stepper.memory[:], stepper.counters[:] = self.memories[p], self.counters[p]
-        own = slice(self.start[p], self.start[p + 1])
-        time, gyro, accel, scale, measurements, last_node = self.inputs
+        stepper, state = self.stepper, self.stepper.state
+        state.memory[:], state.counters[:] = self.memories[p], self.counters[p]
+        begin, end = self.start[p], self.start[p + 1]
         first, stop = self.nodes[p], self.nodes[p + 1]
-        begun = int(self.counters[p][1])
-        ended = begun + int(np.sum(measurements[1][begun:] <= time[own.stop - 1]))
-        # one more: the node before the part is looked at
-        nodes = NodeOutputs.empty(stop - first + 1, stop - first + 1, stepper.size, stepper.width)
-        nodes.time[(first - 1) % nodes.size] = last_node[p]
+        due = self.filter.schedule.rows["time"]
+        begun = int(state.aided[0])
+        ended = begun + int(np.sum(due[begun:] <= self.filter.samples.time[end - 1]))
+        rows = max(stop - first, 1)
+        nodes = NodeOutputs.empty(rows, rows, stepper.size, stepper.width)
         kept = AidingOutputs.empty(0, max(ended - begun, 1), stepper.size)
-        again = AidingOutputs(
-            aiding.residual,
-            aiding.deviation,
-            aiding.nis,
-            aiding.degrees,
-            aiding.accepted,
-            kept.row,
-            kept.gain,
-            aiding.scalar,
+        again = replace(
+            self.filter,
+            outputs=SampleOutputs.empty(0),
+            aiding=replace(aiding, row=kept.row, gain=kept.gain),
+            nodes=nodes,
         )
-        stepper.advance(
-            time[own],
-            gyro[own],
-            accel[own],
-            scale[own] if scale.size else scale,
-            p + 2 == len(self.start),
-            stepper.tail(
-                measurements,
-                sample_arrays(SampleOutputs.empty(0)),
-                aiding_arrays(again),
-                node_arrays(nodes),
-            ),
-        )
-        return NodeStretch(first, stop, nodes, kept.row, kept.gain)
+        stepper.advance(again, begin, end, due.size, p + 2 == len(self.start))
+        return NodeStretch(first, stop, nodes, again.aiding)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,8 +202,7 @@ class FilterRun:
             Valid until the next one is asked for.
         """
         if self.checkpoints is None:
-            row, gain = self.aiding.row, self.aiding.gain
-            yield NodeStretch(0, self.nodes.size, self.nodes, row, gain)
+            yield NodeStretch(0, self.nodes.size, self.nodes, self.aiding)
             return
         for p in range(len(self.checkpoints.memories) - 1, -1, -1):
             yield self.checkpoints.part(p, self.aiding)
@@ -320,60 +292,76 @@ def run_engine(
         node_interval=node_interval,
         accumulating=keep_nodes,
     )
-    measurements = measurement_arrays(schedule, model.size)
     n, u, s = imu.size, schedule.size, stepper.size
     k = u + int(imu.duration / node_interval) + 3
     needed = k * node_bytes(s, stepper.width) + u * measurement_bytes(s)
     whole = keep_nodes and needed <= smoother_memory
-    samples = SampleOutputs.empty(n if keep_samples else 0)
-    aiding = AidingOutputs.empty(u, u if whole else 0, s)
-    nodes = NodeOutputs.empty(k, k if whole else 0, s, stepper.width)
-    scale = NO_SCALE if white_scale is None else np.ascontiguousarray(white_scale)
-    starts = [0, n]
+    filter_ = stepper.filter(
+        kernel_samples(imu, white_scale),
+        kernel_schedule(schedule, model.size),
+        SampleOutputs.empty(n if keep_samples else 0),
+        AidingOutputs.empty(u, u if whole else 0, s),
+        NodeOutputs.empty(k, k if whole else 0, s, stepper.width),
+    )
+    state, starts = stepper.state, [0, n]
     if keep_nodes and not whole:
-        memory = stepper.memory.nbytes + stepper.counters.nbytes
+        memory = state.memory.nbytes + state.counters.nbytes
         starts = _parts(imu.time, schedule.time, node_interval, needed, memory, smoother_memory)
-    kept: list[tuple[int, FloatArray, NDArray[np.int64], float]] = []
-    for first, stop in pairwise(starts):
-        if keep_nodes and not whole:
-            made = stepper.nodes_made
-            last = float(nodes.time[made - 1]) if made else -np.inf
-            kept.append((made, stepper.memory.copy(), stepper.counters.copy(), last))
-        own = slice(first, stop)
-        bad = stepper.advance(
-            imu.time[own],
-            imu.gyro[own],
-            imu.accel[own],
-            scale[own] if scale.size else scale,
-            stop == n,
-            stepper.tail(
-                measurements,
-                sample_arrays(samples),
-                aiding_arrays(aiding),
-                node_arrays(nodes),
-            ),
-            first,
-        )
+    kept: list[tuple[int, FloatArray, NDArray[np.int64]]] = []
+    asked = asked_at(imu.time, schedule)
+    for first, stop in pairwise(sorted({*starts, *asked})):
+        for row in asked.get(first, ()):
+            fill_row(schedule, row, filter_)
+        if keep_nodes and not whole and first in starts:
+            kept.append((stepper.nodes_made, state.memory.copy(), state.counters.copy()))
+        bad = stepper.advance(filter_, first, stop, u, stop == n)
         if bad >= 0:
-            raise diverged(imu, first + bad)
+            raise diverged(imu, bad)
     count = stepper.nodes_made
+    position, velocity, rotation, sensor_state, covariance = stepper.copies()
+    likelihood, nodes = stepper.log_likelihood, filter_.nodes
     checkpoints = None
     if kept:
-        before, memories, counters, last_nodes = zip(*kept, strict=True)
-        inputs = (imu.time, imu.gyro, imu.accel, scale, measurements, last_nodes)
+        before, memories, counters = zip(*kept, strict=True)
         checkpoints = Checkpoints(
-            stepper, tuple(starts), (*before, count), memories, counters, inputs
+            stepper, filter_, tuple(starts), (*before, count), memories, counters
         )
-    rows = {f: getattr(nodes, f) for f in NodeOutputs.__dataclass_fields__}
-    position, velocity, rotation, sensor_state, covariance = (v.copy() for v in stepper.views())
     return FilterRun(
-        samples=samples,
-        aiding=aiding,
-        nodes=NodeOutputs(**{f: a[:count] for f, a in rows.items()}),
-        log_likelihood=stepper.log_likelihood,
+        samples=filter_.outputs,
+        aiding=filter_.aiding,
+        nodes=NodeOutputs(**{f.name: getattr(nodes, f.name)[:count] for f in fields(nodes)}),
+        log_likelihood=likelihood,
         final=InitialState(position, velocity, rotation, sensor_state, covariance),
         checkpoints=checkpoints,
     )
+
+
+def asked_at(time: FloatArray, schedule: AidingSchedule) -> dict[int, list[int]]:
+    """Measurements of a user's own by the sample before which their models are asked."""
+    rows = np.flatnonzero(schedule.kind == GENERAL)
+    samples = np.searchsorted(time, schedule.time[rows], side="left")
+    found: dict[int, list[int]] = {}
+    for u, sample in zip(rows.tolist(), samples.tolist(), strict=True):
+        # the first step takes two samples
+        found.setdefault(sample if sample > 1 else 0, []).append(u)
+    return found
+
+
+def ask_model(schedule: AidingSchedule, u: int, state: KernelState) -> None:
+    """Ask the model of a measurement where the filter is, and write its answer into row u."""
+    row = schedule.general[int(schedule.matrix[u])]
+    if row is not None:
+        where = (state.position, state.velocity, state.rotation, state.sensor)
+        row.fill(schedule, u, float(state.time[0]), where)
+
+
+def fill_row(schedule: AidingSchedule, u: int, filter_: Filter) -> None:
+    """Ask the model of a measurement, and tell a filter that takes the same schedule."""
+    ask_model(schedule, u, filter_.state)
+    told, place = filter_.schedule.rows, int(schedule.matrix[u])
+    told["value"][u], told["variance"][u] = schedule.value[u], schedule.variance[u]
+    told["lever"][u] = schedule.lever_arm[u]
+    filter_.schedule.matrices[place] = schedule.matrices[place]
 
 
 def diverged(imu: ImuRecording, sample: int) -> NavigationError:

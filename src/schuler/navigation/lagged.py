@@ -2,22 +2,21 @@
 
 For near real time: what a vehicle did five seconds ago is known much better than what it does
 now. Every node is smoothed from the last node within its lag, by the same recursion as over the
-whole interval (kernels/smoother.py).
+whole interval (kernels/navigation/smoother.py).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.errors import InputError, NavigationError
+from schuler.kernels.navigation.filter_data import NodeOutputs, SampleOutputs
 from schuler.navigation.engine import FilterRun, NodeStretch
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.smoother import SmoothedRun, corrected_samples
-from schuler.navigation.stepping import sample_arrays
 from schuler.types import FloatArray, IntArray
 
 
@@ -94,7 +93,6 @@ class LaggedNodes:
 
 def smooth_nodes_with_lag(
     stretch: NodeStretch,
-    aiding: AidingOutputs,
     block: IntArray,
     first: int,
     horizon: IntArray,
@@ -105,8 +103,6 @@ def smooth_nodes_with_lag(
     ----------
     stretch : NodeStretch
         Holds the nodes and all up to their horizons.
-    aiding : AidingOutputs
-        Of the run.
     block : (m, 2) ndarray of int
         Blocks of the sensor states.
     first : int
@@ -119,37 +115,25 @@ def smooth_nodes_with_lag(
     LaggedNodes
         One row a node.
     """
-    from schuler.kernels.smoother import smooth_with_lag
+    from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_with_lag
 
     nodes, k = stretch.nodes, horizon.size
     s = nodes.covariance.shape[1]
-    error, ahead = np.zeros((2, k, s))
-    position, position_ahead = np.zeros((2, k, 3, 3))
-    variance, variance_ahead = np.zeros((2, k, s))
-    smooth_with_lag(
-        horizon,
-        first,
-        nodes.covariance,
-        nodes.top,
-        nodes.transition,
-        nodes.aid,
-        block,
-        aiding.accepted,
-        stretch.row,
-        stretch.gain,
-        aiding.scalar,
-        error,
-        position,
-        variance,
-        ahead,
-        position_ahead,
-        variance_ahead,
-    )
+    here, later = Smoothed.zeros(k, s), Smoothed.zeros(k, s)
+    smooth_with_lag(horizon, first, nodes, stretch.aiding, block, Adjoint.zero(s), here, later)
     moved = horizon > first + np.arange(k)
     following = (first + 1 + np.flatnonzero(moved)) % len(nodes.error)
+    ahead = later.error
     ahead[moved] += nodes.error[following]
-    sd, sd_ahead = np.sqrt(variance), np.sqrt(variance_ahead)
-    return LaggedNodes(moved, error, ahead, position, position_ahead, sd, sd_ahead)
+    return LaggedNodes(
+        moved=moved,
+        error=here.error,
+        ahead=ahead,
+        position=here.position,
+        position_ahead=later.position,
+        sd=np.sqrt(here.variance),
+        sd_ahead=np.sqrt(later.variance),
+    )
 
 
 def smooth_run_with_lag(
@@ -196,7 +180,7 @@ def smooth_run_with_lag(
         later = [stretch, *(s for s in later if s.first <= horizon[stretch.stop - 1])]
         own = horizon[stretch.first : stretch.stop]
         held = stretch if len(later) == 1 else _joined(later, int(own[-1]) + 1)
-        parts.insert(0, smooth_nodes_with_lag(held, run.aiding, block, stretch.first, own))
+        parts.insert(0, smooth_nodes_with_lag(held, block, stretch.first, own))
     whole = LaggedNodes(
         *(np.concatenate([getattr(p, f) for p in parts]) for f in LaggedNodes.__dataclass_fields__)
     )
@@ -220,9 +204,13 @@ def _piece_by_piece(
         smooth_run_with_lag(piece, model, time[a:b], lag)
         for piece, a, b in zip(run.pieces, edges[:-1], edges[1:], strict=True)
     ]
-    samples = [sample_arrays(s.samples) for s in own]
     return SmoothedRun(
-        samples=SampleOutputs(*(np.concatenate(field) for field in zip(*samples, strict=True))),
+        samples=SampleOutputs(
+            *(
+                np.concatenate([getattr(s.samples, f.name) for s in own])
+                for f in fields(SampleOutputs)
+            )
+        ),
         sensor_state=np.concatenate([s.sensor_state for s in own]),
         sensor_sd=np.concatenate([s.sensor_sd for s in own]),
     )
@@ -244,10 +232,12 @@ def _joined(stretches: list[NodeStretch], stop: int) -> NodeStretch:
     aid: IntArray = rows("aid")  # type: ignore[assignment]
     low, high = int(aid[first % count, 0]), int(aid[(stop - 1) % count, 1])
     kept = max(high - low, 1)
-    row, gain = (np.zeros((kept, *stretches[0].row.shape[1:])) for _ in range(2))
+    row, gain = np.zeros((2, kept, *stretches[0].aiding.row.shape[1:]))
     for s, n in zip(stretches, numbers, strict=True):
         used = np.arange(aid[n[0] % count, 0], aid[n[-1] % count, 1])
-        row[used % kept], gain[used % kept] = s.row[used % len(s.row)], s.gain[used % len(s.gain)]
+        rows_there = used % len(s.aiding.row)
+        row[used % kept] = s.aiding.row[rows_there]
+        gain[used % kept] = s.aiding.gain[rows_there]
     nodes = NodeOutputs(
         time=np.empty(0),
         sensor_state=np.empty((0, 0)),
@@ -258,4 +248,4 @@ def _joined(stretches: list[NodeStretch], stop: int) -> NodeStretch:
         error=rows("error"),
         aid=aid,
     )
-    return NodeStretch(first, stop, nodes, row, gain)
+    return NodeStretch(first, stop, nodes, replace(stretches[0].aiding, row=row, gain=gain))

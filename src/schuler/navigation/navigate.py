@@ -12,13 +12,14 @@ from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.engine import SMOOTHER_MEMORY
-from schuler.navigation.error_models.generic_noise import (
+from schuler.navigation.error_models.sensor_error_model import (
     TURN_ON_ACCEL,
     TURN_ON_GYRO,
     generic_noise_model,
 )
-from schuler.navigation.preparation.prepare import Progress, prepare
-from schuler.navigation.run import FALSE_ALARM, run
+from schuler.navigation.preparation.prepare import prepare_drive
+from schuler.navigation.run import run
+from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -36,6 +37,12 @@ def withhold(gnss: GnssRecording, windows: Sequence[tuple[float, float]]) -> Gns
     if not keep.any():
         raise InputError("the outages leave no GNSS at all", expected="some epochs outside them")
     return gnss.select(keep)
+
+
+def check_smoothing(smooth: bool | str) -> None:
+    """Raise for a smoothing that does not exist."""
+    if not (isinstance(smooth, bool) or smooth == "fixed-lag"):
+        raise InputError(f"smoothing '{smooth}'", expected="False, True or 'fixed-lag'")
 
 
 def navigate(
@@ -119,35 +126,26 @@ def navigate(
     NavigationError
         No overlap, no heading, no mounting where it is needed, or a run that diverges.
     """
-    if not (isinstance(smooth, bool) or smooth == "fixed-lag"):
-        raise InputError(f"smoothing '{smooth}'", expected="False, True or 'fixed-lag'")
-    used = withhold(gnss, outages) if outages else gnss
-    cut, setup = prepare(
-        imu,
-        used,
-        noise_model,
+    check_smoothing(smooth)
+    settings = NavigationSettings(
         lever_arm=lever_arm,
         heading=heading,
         mounting=mounting,
         time_offset=time_offset,
         tune_noise=tune_noise,
         aiding=aiding,
+        false_alarm=false_alarm,
+        smoother_memory=smoother_memory,
         turn_on_accel=turn_on_accel,
         turn_on_gyro=turn_on_gyro,
         measurements=measurements,
-        progress=progress,
     )
+    used = withhold(gnss, outages) if outages else gnss
+    prepared = prepare_drive(imu, used, noise_model, settings, progress)
     if progress is not None:
         progress("filtering")
-    done = run(
-        cut,
-        used,
-        setup,
-        smooth=smooth is True,
-        lag=lag if smooth == "fixed-lag" else None,
-        false_alarm=false_alarm,
-        smoother_memory=smoother_memory,
-    )
+    late = lag if smooth == "fixed-lag" else None
+    done = run(prepared.imu, used, prepared.setup, smooth=smooth is True, lag=late)
     solution = done.smoothed or done.lagged or done.causal
     solution.settings["outages"] = [list(w) for w in outages]
     solution.settings["noise_model"] = (noise_model or generic_noise_model()).source

@@ -12,10 +12,9 @@ from schuler import earth
 from schuler.data import GnssRecording, ImuRecording, Trajectory
 from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
+from schuler.navigation.aiding.parity import parity_rows
 from schuler.navigation.engine import gate_thresholds, run_engine
-from schuler.navigation.mechanizations.array_model import extended_model, fused_model
-from schuler.navigation.mechanizations.array_preparation import PreparedArray, merged_start
-from schuler.navigation.mechanizations.parity import Parity, parity_rows
+from schuler.navigation.mechanizations.array_preparation import PreparedArray
 from schuler.navigation.observability import (
     Gramian,
     Observability,
@@ -25,7 +24,7 @@ from schuler.navigation.observability import (
     observability,
 )
 from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.run import FALSE_ALARM
+from schuler.navigation.settings import FALSE_ALARM
 from schuler.types import FloatArray
 
 SEGMENT = 5.0
@@ -189,33 +188,14 @@ def observe(
 
 def observe_array(prepared: PreparedArray, gnss: GnssRecording) -> tuple[RunObservability, ...]:
     """Analyse the synthetic and the extended filter of an array, without and with parity."""
-    setup = prepared.setup
-    start, fused_only = (prepared.sensor_start(each=e) for e in (True, False))
-    fused, merge = fused_model(prepared.models, prepared.fusion)
-    wide = extended_model(prepared.models, prepared.fusion, prepared.array.names)
-    synthetic = replace(
-        setup,
-        model=setup.factors.applied(fused),
-        sensor_start=merged_start(fused_only, merge),
-        vehicle=None,
-    )
-    extended = replace(
-        setup, model=setup.factors.applied(wide), sensor_start=fused_only, vehicle=None
-    )
-    source = Parity(prepared.array, prepared.fusion, prepared.models, wide.size)
-    rows = np.vstack(parity_rows(prepared.models, prepared.fusion, wide.size))
+    extended = prepared.extended_setup(parity=True)
+    rows = np.vstack(parity_rows(prepared.models, prepared.fusion, extended.model.size))
     rows = np.hstack([np.zeros((rows.shape[0], 9)), rows])
-    first = observe("synthetic", prepared.recording, gnss, synthetic)
+    imu = prepared.recording
     return (
-        first,
-        observe("extended, without parity", prepared.recording, gnss, extended),
-        observe(
-            "extended, with parity",
-            prepared.recording,
-            gnss,
-            replace(extended, sensor_start=start, sources=(source,)),
-            parity=rows,
-        ),
+        observe("synthetic", imu, gnss, prepared.synthetic_setup()),
+        observe("extended, without parity", imu, gnss, prepared.extended_setup(parity=False)),
+        observe("extended, with parity", imu, gnss, extended, parity=rows),
     )
 
 

@@ -14,7 +14,8 @@ from schuler.data import (
     NavigationSolution,
     Trajectory,
 )
-from schuler.navigation.aiding.gnss import (
+from schuler.navigation.aiding.schedule import (
+    GENERAL,
     KIND_NAMES,
     VEHICLE_VELOCITY,
     VELOCITY,
@@ -22,25 +23,15 @@ from schuler.navigation.aiding.gnss import (
     AidingSchedule,
     merge_schedules,
 )
-from schuler.navigation.aiding.wheel_speed import find_wheel_speeds
-from schuler.navigation.engine import (
-    NO_VEHICLE,
-    SMOOTHER_MEMORY,
-    FilterRun,
-    SampleOutputs,
-    gate_thresholds,
-)
-from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.aiding.wheel import find_wheel_speeds
+from schuler.navigation.engine import FilterRun, SampleOutputs, gate_thresholds
 from schuler.navigation.lagged import smooth_run_with_lag
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.run_findings import findings_of_run
-from schuler.navigation.segments import pieces_of, run_in_pieces
+from schuler.navigation.segments import RunSegment, run_in_segments, split_at_restarts
 from schuler.navigation.smoother import SmoothedRun, smooth_run
 from schuler.types import FloatArray
-
-# probability of refusing a good measurement
-FALSE_ALARM = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,9 +63,7 @@ def run(
     *,
     smooth: bool = False,
     lag: float | None = None,
-    false_alarm: float = FALSE_ALARM,
     white_scale: FloatArray | None = None,
-    smoother_memory: float = SMOOTHER_MEMORY,
 ) -> NavigationRun:
     """Filter, and smooth, with everything known.
 
@@ -90,101 +79,40 @@ def run(
         Whether to smooth by the whole recording as well.
     lag : float or None
         Seconds of later measurements that a fixed-lag solution may use; None: no such solution.
-    false_alarm : float
-        Of the innovation gate.
     white_scale : (n, 6) ndarray or None
         See `run_engine`; None: as the setup found the noise to follow vibration.
-    smoother_memory : float
-        Bytes that may be kept for smoothing, see `run_engine`.
 
     Returns
     -------
     NavigationRun
         Causal and perhaps smoothed solutions.
     """
-    schedule = setup.schedule(imu, gnss)
-    initial, gate = setup.initial_state(imu, gnss), gate_thresholds(false_alarm)
-    vehicle = NO_VEHICLE if setup.vehicle is None else setup.vehicle.states
     scale = setup.white_scale(imu) if white_scale is None else white_scale
-    wheel: dict[str, Any] = {}
+    initial, restarts = setup.initial_state(imu, gnss), setup.restarts(gnss)
+    schedule, wheel = setup.schedule(imu, gnss), dict[str, Any]()
     if setup.vehicle is not None and "wheel" in setup.vehicle.constraints:
-        heard = [
-            find_wheel_speeds(
-                piece.imu,
-                piece.start,
-                setup.model,
-                piece.schedule,
-                vehicle,
-                gate=gate,
-                white_scale=piece.white_scale,
-            )
-            for piece in pieces_of(imu, initial, setup.restarts(gnss), schedule, scale)
-        ]
-        schedule = merge_schedules(
-            [schedule, *(h.rows(setup.model) for h in heard)],
-            float(imu.time[0]),
-            float(imu.time[-1]),
-        )
-        wheel = {
-            "wheel_turns_per_metre": heard[0].order,
-            "wheel_speeds": sum(h.time.size for h in heard),
-        }
-    result = run_in_pieces(
+        parts = split_at_restarts(imu, initial, restarts, schedule, scale)
+        schedule, wheel = _with_wheel_speeds(imu, parts, schedule, setup)
+    result = run_in_segments(
         imu,
         initial,
-        setup.restarts(gnss),
+        restarts,
         setup.model,
         schedule,
-        gate=gate,
+        gate=gate_thresholds(setup.settings.false_alarm),
         robustness=setup.measurements.weighting.array(),
         white_scale=scale,
-        vehicle=vehicle,
+        vehicle=setup.vehicle_states,
         keep_nodes=smooth or lag is not None,
-        smoother_memory=smoother_memory,
+        smoother_memory=setup.settings.smoother_memory,
     )
     innovations = _innovations(schedule, result)
-    settings = (
-        setup.to_dict()
-        | wheel
-        | {
-            "imu": imu.name,
-            "gnss": gnss.name,
-            "gnss_epochs_used": gnss.size,
-            "gate_false_alarm": false_alarm,
-            "nis_over_degrees": innovations.gnss.mean_nis,
-            "updates_refused": int((~result.aiding.accepted & (result.aiding.degrees > 0)).sum()),
-            "findings": [
-                f.to_dict() for f in (*setup.condition.findings, *findings_of_run(innovations))
-            ],
-        }
-    )
-    nodes = result.nodes
-    causal = _solution(
-        imu,
-        result.samples,
-        setup.model,
-        nodes.time,
-        nodes.sensor_state,
-        nodes.sensor_sd,
-        innovations,
-        settings,
-        result.log_likelihood,
-        smoothed=False,
-    )
+    settings = setup.to_dict() | wheel | run_record(imu, gnss, setup, innovations)
+    causal = _solution(imu, setup, result, innovations, settings)
 
     def smoothed_solution(back: SmoothedRun, how: dict[str, Any]) -> NavigationSolution:
-        return _solution(
-            imu,
-            back.samples,
-            setup.model,
-            nodes.time,
-            back.sensor_state,
-            back.sensor_sd,
-            innovations,
-            settings | {"smoother_bytes": result.smoother_bytes} | how,
-            result.log_likelihood,
-            smoothed=True,
-        )
+        told = settings | {"smoother_bytes": result.smoother_bytes} | how
+        return _solution(imu, setup, result, innovations, told, back)
 
     smoothed, lagged = None, None
     if smooth:
@@ -196,17 +124,46 @@ def run(
     return NavigationRun(causal=causal, smoothed=smoothed, setup=setup, lagged=lagged)
 
 
+def _with_wheel_speeds(
+    imu: ImuRecording, parts: list[RunSegment], schedule: AidingSchedule, setup: RunSetup
+) -> tuple[AidingSchedule, dict[str, Any]]:
+    """Add the speeds that a first run of the filter finds in the vibration of the wheels."""
+    gate = gate_thresholds(setup.settings.false_alarm)
+    found = [
+        find_wheel_speeds(part, setup.model, setup.vehicle_states, gate=gate) for part in parts
+    ]
+    rows = [schedule, *(speeds.rows() for speeds in found)]
+    merged = merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
+    return merged, {
+        "wheel_turns_per_metre": found[0].order,
+        "wheel_speeds": sum(speeds.time.size for speeds in found),
+    }
+
+
+def run_record(
+    imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, innovations: Innovations
+) -> dict[str, Any]:
+    """What a run says of itself."""
+    split = setup.measurements.correlated is not None
+    findings = (*setup.condition.findings, *findings_of_run(innovations, split=split))
+    return {
+        "imu": imu.name,
+        "gnss": gnss.name,
+        "gnss_epochs_used": gnss.size,
+        "gate_false_alarm": setup.settings.false_alarm,
+        "nis_over_degrees": innovations.gnss.mean_nis,
+        "updates_refused": int((~innovations.accepted & (innovations.degrees > 0)).sum()),
+        "findings": [f.to_dict() for f in findings],
+    }
+
+
 def _innovations(schedule: AidingSchedule, result: FilterRun) -> Innovations:
     """All measurements but the constraints that did not apply where they were due."""
     aiding = result.aiding
     due = (schedule.kind <= VELOCITY) | (aiding.degrees > 0)
-    ahead = (schedule.kind == VEHICLE_VELOCITY) & np.isfinite(schedule.variance[:, 0])
     return Innovations(
         time=schedule.time[due],
-        kind=tuple(
-            WHEEL_SPEED_NAME if wheel else KIND_NAMES[k]
-            for k, wheel in zip(schedule.kind[due], ahead[due], strict=True)
-        ),
+        kind=tuple(_name(schedule, u) for u in np.flatnonzero(due).tolist()),
         value=aiding.residual[due],
         sd=aiding.deviation[due],
         nis=aiding.nis[due],
@@ -215,19 +172,26 @@ def _innovations(schedule: AidingSchedule, result: FilterRun) -> Innovations:
     )
 
 
+def _name(schedule: AidingSchedule, u: int) -> str:
+    """Of the kind of a measurement, for people."""
+    kind = int(schedule.kind[u])
+    if kind == VEHICLE_VELOCITY and np.isfinite(schedule.variance[u, 0]):
+        return WHEEL_SPEED_NAME
+    row = schedule.general[int(schedule.matrix[u])] if kind == GENERAL else None
+    return KIND_NAMES[kind] if row is None else row.name
+
+
 def _solution(
     imu: ImuRecording,
-    samples: SampleOutputs,
-    model: SensorErrorModel,
-    node_time: FloatArray,
-    sensor_state: FloatArray,
-    sensor_sd: FloatArray,
+    setup: RunSetup,
+    result: FilterRun,
     innovations: Innovations,
     settings: dict[str, Any],
-    likelihood: float,
-    *,
-    smoothed: bool,
+    back: SmoothedRun | None = None,
 ) -> NavigationSolution:
+    """The causal solution of a run, or the smoothed one."""
+    samples: SampleOutputs = result.samples if back is None else back.samples
+    sensors = result.nodes if back is None else back
     trajectory = Trajectory(
         time=imu.time,
         position=samples.position,
@@ -235,7 +199,7 @@ def _solution(
         rotation=samples.rotation,
     )
     mount = estimate_mounting(trajectory)
-    found: dict[str, Any] = {"smoothed": smoothed}
+    found: dict[str, Any] = {"smoothed": back is not None}
     if mount is not None:
         found["mounting_deg"] = np.degrees(mount.angles).tolist()
         found["mounting_sd_deg"] = np.degrees(mount.sd).tolist()
@@ -244,12 +208,12 @@ def _solution(
         position_covariance=samples.position_covariance,
         velocity_sd=samples.velocity_sd,
         attitude_sd=samples.attitude_sd,
-        sensor_error_time=node_time,
-        sensor_errors=sensor_state,
-        sensor_errors_sd=sensor_sd,
-        sensor_error_names=model.names,
+        sensor_error_time=result.nodes.time,
+        sensor_errors=sensors.sensor_state,
+        sensor_errors_sd=sensors.sensor_sd,
+        sensor_error_names=setup.model.names,
         innovations=innovations,
         settings=settings | found,
-        smoothed=smoothed,
-        log_likelihood=likelihood,
+        smoothed=back is not None,
+        log_likelihood=result.log_likelihood,
     )

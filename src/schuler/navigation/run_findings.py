@@ -16,10 +16,20 @@ MANY = 0.3
 """Share of refused measurements at which a solution is not to be believed."""
 DISHONEST = 3.0
 """Normalised innovation squared over its degrees at which the filter's claims are doubted."""
+MODEST = 0.85
+"""The same, below which a receiver's errors are not the white noise that they are taken for."""
+LAGS = 30
+"""Epochs over which innovations of white errors have nothing in common."""
+FEWEST_EPOCHS = 60
+SURE = 4.0
+"""Standard errors at which innovations are not white, or not as large as claimed."""
 
 
-def findings_of_run(innovations: Innovations) -> tuple[Finding, ...]:
-    """Say which measurements were refused, and whether the filter is honest."""
+def findings_of_run(innovations: Innovations, *, split: bool = False) -> tuple[Finding, ...]:
+    """Say which measurements were refused, and whether the filter is honest.
+
+    `split`: whether errors of GNSS that last are states of the filter already.
+    """
     kinds = [k for k in innovations.kinds if k.startswith("GNSS")]
     found = [f for k in kinds for f in _refusals(innovations.of_kind(k), k)]
     gnss = innovations.gnss
@@ -49,7 +59,52 @@ def findings_of_run(innovations: Innovations) -> tuple[Finding, ...]:
                 "offset, axes and units",
             )
         )
+    else:
+        found += _lasting_errors(innovations, split)
     return tuple(found)
+
+
+def whiteness(part: Innovations) -> float:
+    """Sum of the horizontal autocorrelations over `LAGS` epochs, in its standard errors.
+
+    About a standard normal where the innovations of a filter are white, as those of one whose
+    model is right are (Bar-Shalom, section 5.4).
+    """
+    used = part.accepted & np.isfinite(part.sd[:, :2]).all(axis=1)
+    x = part.value[used, :2] / part.sd[used, :2]
+    lags = min(LAGS, len(x) // 4)
+    power = float(np.sum(x * x))
+    if len(x) < FEWEST_EPOCHS or power <= 0.0:
+        return 0.0
+    total = sum(float(np.sum(x[k:] * x[:-k])) for k in range(1, lags + 1)) / power
+    return total * float(np.sqrt(x.size / lags))
+
+
+def _lasting_errors(innovations: Innovations, split: bool) -> list[Finding]:
+    """Errors of GNSS that last show as innovations that are alike, and smaller than claimed."""
+    if "GNSS position" not in innovations.kinds:
+        return []
+    part = innovations.of_kind("GNSS position")
+    nis, degrees, alike = part.mean_nis, int(part.degrees.sum()), whiteness(part)
+    small = nis < MODEST and (1.0 - nis) > SURE * np.sqrt(2.0 / max(degrees, 1))
+    if degrees < 3 * FEWEST_EPOCHS or not (small or alike > SURE):
+        return []
+    seen = f"normalised squares of {nis:.2f}, where 1 is expected"
+    if alike > SURE:
+        seen = f"alike over {LAGS} epochs by {alike:.0f} standard errors, " + seen
+    cure = "let part of what the receiver claims last (--gnss-correlated auto)"
+    if split:
+        cure = "check lever arm, time offset and axes"
+    return [
+        Finding(
+            "lasting errors",
+            "warning",
+            f"innovations of GNSS positions are not those of white noise ({seen}): errors that "
+            "last are taken for noise, and the claimed position is too sure",
+            value=alike,
+            cure=cure,
+        )
+    ]
 
 
 def _refusals(part: Innovations, kind: str) -> list[Finding]:

@@ -1,9 +1,9 @@
-"""A run in pieces: where the filter begins anew, with the sensor errors it has learnt.
+"""A run in segments: where the filter begins anew, with the sensor errors it has learnt.
 
 A long gap or an axis that was stuck for long leaves nothing of attitude, and of velocity only what
 GNSS tells. The filter then stops and starts again like at the beginning, from an alignment of its
 own, but the states of the sensor errors go on: they only forget what their processes forget in
-the time between. The pieces are joined into one run, in which the transition over the break lets
+the time between. The segments are joined into one run, in which the transition over the break lets
 nothing of the navigation states through, so that the smoother looks back through the sensor errors
 alone.
 """
@@ -18,18 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.kernels.navigation.filter_data import AidingOutputs, NodeOutputs, SampleOutputs
+from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import FilterRun, run_engine
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.stepping import InitialState
 from schuler.types import FloatArray
 
 DOUBLINGS = 6
-KEPT_BY_PIECES = ("covariance", "top", "transition", "error", "aid")
+KEPT_BY_SEGMENTS = ("covariance", "top", "transition", "error", "aid")
 
 
-def run_in_pieces(
+def run_in_segments(
     imu: ImuRecording,
     initial: InitialState,
     restarts: Sequence[tuple[float, InitialState]],
@@ -49,11 +49,11 @@ def run_in_pieces(
         At the first sample.
     restarts : sequence of (float, InitialState)
         In order of time: from the first sample at or after it, position, velocity, attitude and
-        their covariance are those given; sensor states come from the piece before.
+        their covariance are those given; sensor states come from the segment before.
     model : SensorErrorModel
         Sensor error states and white noise.
     schedule : AidingSchedule
-        Sorted measurements inside the time of the IMU; none between two pieces.
+        Sorted measurements inside the time of the IMU; none between two segments.
     white_scale : (n, 6) ndarray or None
         See `run_engine`.
     **options
@@ -69,22 +69,22 @@ def run_in_pieces(
     runs: list[FilterRun] = []
     spans: list[float] = []
     end = 0.0
-    for piece in pieces_of(imu, initial, restarts, schedule, white_scale):
-        begin = piece.start
+    for part in split_at_restarts(imu, initial, restarts, schedule, white_scale):
+        begin = part.start
         if runs:
-            spans.append(float(piece.imu.time[0] - end))
+            spans.append(float(part.imu.time[0] - end))
             begin = _carried(begin, runs[-1].final, model, spans[-1])
-        end = float(piece.imu.time[-1])
+        end = float(part.imu.time[-1])
         runs.append(
             run_engine(
-                piece.imu, begin, model, piece.schedule, white_scale=piece.white_scale, **options
+                part.imu, begin, model, part.schedule, white_scale=part.white_scale, **options
             )
         )
     return _joined(runs, model, spans)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
+class RunSegment:
     """A stretch between two restarts, with what belongs to it.
 
     Parameters
@@ -94,7 +94,7 @@ class Piece:
     start : InitialState
         At its first sample; sensor states as if nothing was before.
     schedule : AidingSchedule
-        Measurements from its first sample to that of the next piece.
+        Measurements from its first sample to that of the next segment.
     white_scale : (n, 6) ndarray or None
         Of its samples.
     """
@@ -105,23 +105,23 @@ class Piece:
     white_scale: FloatArray | None
 
 
-def pieces_of(
+def split_at_restarts(
     imu: ImuRecording,
     initial: InitialState,
     restarts: Sequence[tuple[float, InitialState]],
     schedule: AidingSchedule,
     white_scale: FloatArray | None = None,
-) -> list[Piece]:
+) -> list[RunSegment]:
     """Cut a run at its restarts.
 
     Parameters
     ----------
     imu, initial, restarts, schedule, white_scale
-        As for `run_in_pieces`.
+        As for `run_in_segments`.
 
     Returns
     -------
-    list of Piece
+    list of RunSegment
         In order of time; stretches of less than two samples are left out.
     """
     edges = [0, *(int(np.searchsorted(imu.time, t - 1e-6)) for t, _ in restarts), imu.size]
@@ -131,18 +131,18 @@ def pieces_of(
         for a, b, start in zip(edges[:-1], edges[1:], starts, strict=True)
         if b - a >= 2
     ]
-    # what is measured between two pieces stays with the first and is never reached
+    # what is measured between two segments stays with the first and is never reached
     begins = [float(imu.time[a]) for a, _, _ in whole]
     places = [0, *np.searchsorted(schedule.time, begins[1:], side="left"), schedule.size]
-    pieces = []
+    segments = []
     for k, (a, b, start) in enumerate(whole):
         part = replace(
             imu, time=imu.time[a:b], gyro=imu.gyro[a:b], accel=imu.accel[a:b], temperature=None
         )
         rows = slice(int(places[k]), int(places[k + 1]))
         scale = None if white_scale is None else white_scale[a:b]
-        pieces.append(Piece(part, start, schedule.select(rows), scale))
-    return pieces
+        segments.append(RunSegment(part, start, schedule.select(rows), scale))
+    return segments
 
 
 def sensor_step(model: SensorErrorModel, span: float) -> tuple[FloatArray, FloatArray]:
@@ -162,7 +162,7 @@ def sensor_step(model: SensorErrorModel, span: float) -> tuple[FloatArray, Float
     noise : (m, m) ndarray
         Covariance that is added.
     """
-    from schuler.kernels.transition import raise_blocks, sensor_transition, set_blocks
+    from schuler.kernels.navigation.transition import raise_blocks, sensor_transition, set_blocks
 
     layout, m = model.layout(), model.size
     rows, added = np.zeros_like(layout.drift), np.zeros_like(layout.drift)
@@ -212,7 +212,7 @@ def _matrix(rows: FloatArray, block: NDArray[np.int64]) -> FloatArray:
 def _carried(
     start: InitialState, final: InitialState, model: SensorErrorModel, span: float
 ) -> InitialState:
-    """Navigation from the alignment, sensor states from the end of the piece before."""
+    """Navigation from the alignment, sensor states from the end of the segment before."""
     full, noise = sensor_step(model, span)
     covariance = np.zeros_like(start.covariance)
     covariance[:9, :9] = start.covariance[:9, :9]
@@ -221,7 +221,7 @@ def _carried(
 
 
 def _joined(runs: list[FilterRun], model: SensorErrorModel, spans: list[float]) -> FilterRun:
-    """One run that keeps its pieces for the smoother."""
+    """One run that keeps its segments for the smoother."""
     s = 9 + model.size
     none = NodeOutputs.empty(0, 0, s, runs[0].nodes.transition.shape[2])
     aiding = AidingOutputs.empty(0, 0, s)
@@ -239,7 +239,7 @@ def _joined(runs: list[FilterRun], model: SensorErrorModel, spans: list[float]) 
     return FilterRun(
         samples=stacked(SampleOutputs, [r.samples for r in runs], None, ()),
         aiding=stacked(AidingOutputs, [r.aiding for r in runs], aiding, ("row", "gain")),
-        nodes=stacked(NodeOutputs, [r.nodes for r in runs], none, KEPT_BY_PIECES),
+        nodes=stacked(NodeOutputs, [r.nodes for r in runs], none, KEPT_BY_SEGMENTS),
         log_likelihood=float(sum(r.log_likelihood for r in runs)),
         final=runs[-1].final,
         pieces=tuple(runs),

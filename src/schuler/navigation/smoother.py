@@ -1,8 +1,8 @@
 """Fixed-interval smoothing of a filter run: every sample sees the whole recording. Spec 7.8.
 
 Algebraically the Rauch-Tung-Striebel smoother, computed in the modified Bryson-Frazier form (see
-kernels/smoother.py). Between nodes, a quarter of a second apart at most, the estimated error of
-the filter is interpolated linearly.
+kernels/navigation/smoother.py). Between nodes, a quarter of a second apart at most, the estimated
+error of the filter is interpolated linearly.
 """
 
 from __future__ import annotations
@@ -58,45 +58,27 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     NavigationError
         The run did not keep what is needed.
     """
-    from schuler.kernels.smoother import smooth_nodes
+    from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_nodes
 
     nodes = run.nodes
     if not run.smoothable:
         raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
     count, s = nodes.size, 9 + model.size
-    error, fed_back = np.empty((count, s)), np.empty((count, 9))
-    position = np.empty((count, 3, 3))
-    variance = np.empty((count, s))
-    adjoint, information = np.zeros(s), np.zeros((s, s))
+    whole, fed_back = Smoothed.zeros(count, s), np.empty((count, 9))
+    adjoint = Adjoint.zero(s)
     block = model.layout().block
     pieces = run.pieces or (run,)
     begins = np.cumsum([0, *(piece.nodes.size for piece in pieces)])
     for p in range(len(pieces) - 1, -1, -1):
         piece, begin = pieces[p], begins[p]
+        smoothed = Smoothed(whole.error[begin:], whole.position[begin:], whole.variance[begin:])
         for part in piece.stretches_back():
-            smooth_nodes(
-                part.first,
-                part.stop,
-                adjoint,
-                information,
-                part.nodes.covariance,
-                part.nodes.top,
-                part.nodes.transition,
-                part.nodes.aid,
-                block,
-                piece.aiding.accepted,
-                part.row,
-                part.gain,
-                piece.aiding.scalar,
-                error[begin:],
-                position[begin:],
-                variance[begin:],
-            )
+            smooth_nodes(part.first, part.stop, part.nodes, part.aiding, block, adjoint, smoothed)
             own = np.arange(part.first, part.stop)
             fed_back[begin + own] = part.nodes.error[own % len(part.nodes.error), :9]
         if p > 0:
-            _back_over_break(adjoint, information, run.breaks[p - 1])
-    sd = np.sqrt(variance)
+            _back_over_break(adjoint.vector, adjoint.matrix, run.breaks[p - 1])
+    error, position, sd = whole.error, whole.position, np.sqrt(whole.variance)
     before = np.clip(np.searchsorted(nodes.time, time, side="right") - 1, 0, count - 2)
     span = nodes.time[before + 1] - nodes.time[before]
     share = np.clip((time - nodes.time[before]) / span, 0.0, 1.0)[:, None]
@@ -158,6 +140,6 @@ def corrected_samples(
         velocity=samples.velocity - error[:, 3:6],
         rotation=dcm_from_rotation_vector(error[:, 6:9]) @ samples.rotation,
         position_covariance=position_covariance,
-        velocity_sd=sd[:, 3:6],
-        attitude_sd=sd[:, 6:9],
+        velocity_sd=np.ascontiguousarray(sd[:, 3:6]),
+        attitude_sd=np.ascontiguousarray(sd[:, 6:9]),
     )

@@ -1,4 +1,4 @@
-"""One door to the filter kernel: a filter in a flat memory, and a stretch of samples through it.
+"""One door to the filter kernel: a filter, and a stretch of samples through it.
 
 Batch, streaming and the smoother that recomputes what was not stored differ in how they cut a
 recording into stretches, and in nothing else.
@@ -8,14 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from schuler.navigation.aiding.gnss import LINEAR, AidingSchedule
+from schuler.data import ImuRecording
+from schuler.kernels.navigation.filter_data import (
+    AidingOutputs,
+    Filter,
+    FilterState,
+    Measurement,
+    NodeOutputs,
+    Rules,
+    SampleOutputs,
+    Samples,
+    Schedule,
+    Work,
+)
+from schuler.navigation.aiding.schedule import GENERAL, LINEAR, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
-from schuler.types import FloatArray, IntArray
+from schuler.types import FloatArray
 
 # steps longer than this are integrated in pieces (s)
 LONGEST_STEP = 0.05
@@ -73,7 +84,7 @@ NO_VEHICLE = VehicleStates(-1, np.eye(3))
 
 
 class FilterStepper:
-    """A filter between two samples: its memory, and what it needs to go on.
+    """A filter between two samples: its state, and what it needs to go on.
 
     Parameters
     ----------
@@ -93,17 +104,7 @@ class FilterStepper:
         Whether the transition between nodes is kept, for a smoother.
     """
 
-    __slots__ = (
-        "_after",
-        "_kernel",
-        "_model",
-        "counters",
-        "memory",
-        "node_interval",
-        "scratch",
-        "size",
-        "width",
-    )
+    __slots__ = ("_kernel", "model", "rules", "state")
 
     def __init__(
         self,
@@ -116,205 +117,119 @@ class FilterStepper:
         node_interval: float = 0.25,
         accumulating: bool = False,
     ) -> None:
-        from schuler.kernels import memory as places
-        from schuler.kernels.filter import run_filter
-        from schuler.kernels.strapdown import rotation_from_quaternion
-        from schuler.kernels.transition import reset_transition
+        from schuler.kernels.navigation.filter import run_filter
+        from schuler.kernels.navigation.strapdown import rotation_from_quaternion
+        from schuler.kernels.navigation.transition import reset_transition
         from schuler.rotations import quaternion_from_dcm
 
-        # a type checker counts every tuple as one argument at least
-        self._kernel: Callable[..., int] = run_filter
-        layout = model.layout()
-        m, widest = model.size, layout.drift.shape[1]
-        self.size, self.width = 9 + m, widest
-        self.node_interval = node_interval
-        self.memory = np.zeros(places.memory_size(m, widest, accumulating))
-        self.scratch = np.zeros(places.scratch_size(m, widest))
-        self.counters = np.zeros(places.COUNTERS + m, dtype=np.int64)
-        position, velocity, quaternion, rotation, *_, habits = places.carve_navigation(self.memory)
-        position[:], velocity[:] = initial.position, initial.velocity
-        quaternion[:] = quaternion_from_dcm(initial.rotation)
-        rotation_from_quaternion(quaternion, rotation)
+        self._kernel: Callable[[Filter, int, int, int, bool], int] = run_filter
+        self.model = model.layout()
+        state = FilterState.empty(model.size, self.model.drift.shape[1], accumulating)
+        state.position[:], state.velocity[:] = initial.position, initial.velocity
+        state.quaternion[:] = quaternion_from_dcm(initial.rotation)
+        rotation_from_quaternion(state.quaternion, state.rotation)
         # a vehicle's rate is that of the first sample, no step has a transition yet
-        habits[6:9] = 1.0, 1.0, -1.0
-        habits[10] = -np.inf
-        sensor, *_, covariance = places.carve_sensors(self.memory, m, widest)
-        sensor[:], covariance[:] = initial.sensor_state, initial.covariance
+        state.rate_share[0], state.rate_noise[0], state.discretised[0] = 1.0, 1.0, -1.0
+        state.time[0] = -np.inf
+        state.sensor[:], state.covariance[:] = initial.sensor_state, initial.covariance
         if accumulating:
-            reset_transition(*places.carve_total(self.memory, m, widest), layout.block)
-        self._model: tuple[Any, ...] = (
-            layout.channel,
-            layout.direction,
-            layout.scaled_by,
-            layout.block,
-            layout.interval,
-            layout.drift,
-            layout.diffusion,
-            model.white_covariance,
-        )
-        self._after: tuple[Any, ...] = (
-            np.ascontiguousarray(gate),
-            np.zeros(9) if robustness is None else np.ascontiguousarray(robustness),
-            PATIENCE,
-            LONGEST_STEP,
-            vehicle.first,
-            np.ascontiguousarray(vehicle.mounting),
-            ROLLING,
-            STANDING,
+            reset_transition(state.node_top, state.node_sensor, self.model.block)
+        self.state = state
+        self.rules = Rules(
+            gate=np.array(gate, dtype=np.float64),
+            robustness=np.zeros(9) if robustness is None else np.array(robustness),
+            patience=PATIENCE,
+            vehicle=vehicle.first,
+            mounting=np.array(vehicle.mounting, dtype=np.float64, order="C"),
+            rolling=ROLLING,
+            standing=STANDING,
+            longest_step=LONGEST_STEP,
+            node_interval=node_interval,
         )
 
     @property
-    def block(self) -> IntArray:
-        """Blocks of the sensor states, see kernels/transition.py."""
-        block: IntArray = self._model[3]
-        return block
+    def size(self) -> int:
+        """States s."""
+        return len(self.state.covariance)
+
+    @property
+    def width(self) -> int:
+        """States of the largest block w."""
+        return int(self.model.drift.shape[1])
 
     @property
     def samples_taken(self) -> int:
         """Samples since the start."""
-        return int(self.counters[0])
+        return int(self.state.samples[0])
 
     @property
     def nodes_made(self) -> int:
         """Nodes since the start."""
-        return int(self.counters[2])
-
-    @property
-    def time(self) -> float:
-        """Time of the last sample, s; minus infinity before the first."""
-        return float(self.memory[72])
+        return int(self.state.nodes[0])
 
     @property
     def log_likelihood(self) -> float:
         """Of the accepted measurements so far."""
-        return float(self.memory[71])
+        return float(self.state.log_likelihood[0])
 
-    def views(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return the state as it is in memory.
-
-        Returns
-        -------
-        tuple of ndarray
-            Position (3,), velocity (3,), rotation (3, 3), sensor states (m,) and covariance
-            (s, s); they change with the next sample.
-        """
-        m, s = self.size - 9, self.size
-        first = 80 + m + 4 * m * self.width
+    def copies(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return position, velocity, rotation, sensor states and covariance as they are now."""
+        s = self.state
         return (
-            self.memory[0:3],
-            self.memory[3:6],
-            self.memory[10:19].reshape(3, 3),
-            self.memory[80 : 80 + m],
-            self.memory[first : first + s * s].reshape(s, s),
+            s.position.copy(),
+            s.velocity.copy(),
+            s.rotation.copy(),
+            s.sensor.copy(),
+            s.covariance.copy(),
         )
 
-    def tail(
+    def filter(
         self,
-        measurements: tuple[Any, ...],
-        samples: tuple[FloatArray, ...],
-        aiding: tuple[Any, ...],
-        nodes: tuple[Any, ...],
-    ) -> tuple[Any, ...]:
-        """Return what `advance` passes on behind the samples; the same for many stretches.
-
-        Parameters
-        ----------
-        measurements : tuple
-            From `measurement_arrays`.
-        samples, aiding, nodes : tuple of ndarray
-            From `sample_arrays`, `aiding_arrays` and `node_arrays`.
-
-        Returns
-        -------
-        tuple
-            In the order of the kernel.
-        """
-        return (
-            *self._model,
-            *measurements,
-            *self._after,
-            *samples,
-            *aiding,
-            self.node_interval,
-            *nodes,
+        samples: Samples,
+        schedule: Schedule,
+        outputs: SampleOutputs,
+        aiding: AidingOutputs,
+        nodes: NodeOutputs,
+    ) -> Filter:
+        """Return the filter with what it is to take, and where it is to write."""
+        return Filter(
+            state=self.state,
+            model=self.model,
+            rules=self.rules,
+            samples=samples,
+            schedule=schedule,
+            work=Work.of(self.model),
+            measurement=Measurement.empty(self.size),
+            outputs=outputs,
+            aiding=aiding,
+            nodes=nodes,
         )
 
     def advance(
-        self,
-        time: FloatArray,
-        gyro: FloatArray,
-        accel: FloatArray,
-        white_scale: FloatArray,
-        closing: bool,
-        tail: tuple[Any, ...],
-        out_first: int = 0,
+        self, filter_: Filter, begin: int, stop: int, updates: int, closing: bool = False
     ) -> int:
-        """Take a stretch of samples; see `kernels.filter.run_filter`.
-
-        Parameters
-        ----------
-        time, gyro, accel : ndarray
-            (n,), (n, 3) and (n, 3); at least two samples at the start.
-        white_scale : (n, 6) or (0, 6) ndarray
-            Factors on the squared noise densities.
-        closing : bool
-            Whether the last sample makes a node.
-        tail : tuple
-            From `tail`.
-        out_first : int
-            Row of the sample outputs that the first sample is written to.
-
-        Returns
-        -------
-        int
-            Sample of the stretch at which the state was no longer finite, or -1.
-        """
-        return self._kernel(
-            self.memory,
-            self.counters,
-            self.scratch,
-            time,
-            gyro,
-            accel,
-            white_scale,
-            closing,
-            out_first,
-            *tail,
-        )
+        """Take a stretch of samples; see `run_filter`."""
+        return self._kernel(filter_, begin, stop, updates, closing)
 
 
-def measurement_arrays(schedule: AidingSchedule, states: int) -> tuple[Any, ...]:
-    """Return what the kernel takes of a schedule, after a look at what it refers to.
+def kernel_samples(imu: ImuRecording, white_scale: FloatArray | None) -> Samples:
+    """A recording as the kernel wants it."""
+    return Samples(
+        time=np.ascontiguousarray(imu.time, dtype=np.float64),
+        gyro=np.ascontiguousarray(imu.gyro, dtype=np.float64),
+        accel=np.ascontiguousarray(imu.accel, dtype=np.float64),
+        white_scale=NO_SCALE if white_scale is None else np.ascontiguousarray(white_scale),
+    )
 
-    Parameters
-    ----------
-    schedule : AidingSchedule
-        Sorted.
-    states : int
-        Number of sensor states m.
 
-    Returns
-    -------
-    tuple
-        Number of measurements, then arrays.
+def kernel_schedule(schedule: AidingSchedule, states: int) -> Schedule:
+    """A sorted schedule as the kernel wants it, after a look at what it refers to.
 
-    Raises
-    ------
-    NavigationError
-        A measurement refers to states or matrices that do not exist.
+    Raises NavigationError where a measurement refers to states or matrices that do not exist.
     """
     check_references(schedule, states)
-    return (
-        schedule.size,
-        schedule.time,
-        schedule.kind,
-        schedule.value,
-        schedule.variance,
-        schedule.lever_arm,
-        schedule.offset_state,
-        schedule.matrix,
-        schedule.matrices if schedule.matrices.size else np.zeros((1, 3, states)),
-    )
+    matrices = schedule.matrices if schedule.matrices.size else np.zeros((1, 3, 12 + states))
+    return Schedule(rows=schedule.table(), matrices=np.ascontiguousarray(matrices))
 
 
 def check_references(schedule: AidingSchedule, states: int) -> None:
@@ -334,12 +249,12 @@ def check_references(schedule: AidingSchedule, states: int) -> None:
     """
     from schuler.errors import NavigationError
 
-    linear = schedule.kind == LINEAR
+    linear = (schedule.kind == LINEAR) | (schedule.kind == GENERAL)
     if np.any(linear):
         count, _, width = schedule.matrices.shape
-        if width != states:
+        if width != 12 + states:
             raise NavigationError(
-                f"linear measurements of {width} sensor states, the model has {states}",
+                f"linear measurements of {width - 12} sensor states, the model has {states}",
                 expected="a column for every sensor state",
             )
         if np.any((schedule.matrix[linear] < 0) | (schedule.matrix[linear] >= count)):
@@ -349,43 +264,3 @@ def check_references(schedule: AidingSchedule, states: int) -> None:
             f"a measurement refers to sensor state {int(schedule.offset_state.max())}, "
             f"the model has {states}"
         )
-
-
-def sample_arrays(samples: SampleOutputs) -> tuple[FloatArray, ...]:
-    """Fields of sample outputs in the order of the kernel."""
-    return (
-        samples.position,
-        samples.velocity,
-        samples.rotation,
-        samples.position_covariance,
-        samples.velocity_sd,
-        samples.attitude_sd,
-    )
-
-
-def aiding_arrays(aiding: AidingOutputs) -> tuple[Any, ...]:
-    """Fields of aiding outputs in the order of the kernel."""
-    return (
-        aiding.residual,
-        aiding.deviation,
-        aiding.nis,
-        aiding.degrees,
-        aiding.accepted,
-        aiding.scalar,
-        aiding.row,
-        aiding.gain,
-    )
-
-
-def node_arrays(nodes: NodeOutputs) -> tuple[Any, ...]:
-    """Fields of node outputs in the order of the kernel."""
-    return (
-        nodes.time,
-        nodes.sensor_state,
-        nodes.sensor_sd,
-        nodes.covariance,
-        nodes.top,
-        nodes.transition,
-        nodes.error,
-        nodes.aid,
-    )

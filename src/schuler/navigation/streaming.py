@@ -9,20 +9,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
-from schuler.navigation.aiding.gnss import POSITION, VELOCITY, AidingSchedule
+from schuler.kernels.navigation.filter_data import (
+    AIDING_ROW,
+    AidingOutputs,
+    Filter,
+    NodeOutputs,
+    SampleOutputs,
+    Samples,
+    Schedule,
+)
+from schuler.kernels.navigation.filter_data import FilterState as KernelState
+from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
+from schuler.navigation.aiding.schedule import (
+    GENERAL,
+    POSITION,
+    VELOCITY,
+    AidingSchedule,
+    for_states,
+)
 from schuler.navigation.causal import ConstraintStream, GapNoise, VibrationStream
-from schuler.navigation.engine import NodeStretch, gate_thresholds
+from schuler.navigation.engine import NodeStretch, ask_model, gate_thresholds
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.lagged import lag_horizons, smooth_nodes_with_lag
-from schuler.navigation.outputs import AidingOutputs, NodeOutputs, SampleOutputs
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.stepping import (
     NO_SCALE,
@@ -30,19 +45,16 @@ from schuler.navigation.stepping import (
     FilterStepper,
     InitialState,
     VehicleStates,
-    aiding_arrays,
     check_references,
-    node_arrays,
-    sample_arrays,
 )
 from schuler.types import FloatArray
 
 # samples between two snapshots that a late fix may go back to
-SNAPSHOT_EVERY = 16
+SNAPSHOT_EVERY = 8
 # measurements that wait or may be used once more
 MEASUREMENTS_KEPT = 4096
-# where the memory of a filter keeps the time of its last sample, see kernels/memory.py
-TIME_PLACE = 72
+# at one time positions come first, then velocities, then all else
+OTHER_RANK = 2
 
 _NO_ARM = np.zeros(3)
 _NONE = np.full(3, -1, dtype=np.int64)
@@ -88,6 +100,9 @@ class GnssReceiver:
         Multiply the receiver's standard deviations.
     offset_states : (3,) sequence of int
         Places of sensor states that add to what positions measure; -1: none.
+    white_share, slow_share : float
+        Of the claimed variances of position: what is noise, and what those states are seen with;
+        see `GnssErrorModel`.
     """
 
     lever_arm: ArrayLike = (0.0, 0.0, 0.0)
@@ -96,6 +111,8 @@ class GnssReceiver:
     position_factor: float = 1.0
     velocity_factor: float = 1.0
     offset_states: Sequence[int] = (-1, -1, -1)
+    white_share: float = 1.0
+    slow_share: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -122,18 +139,52 @@ class _Samples:
         """Append one; its row."""
         row = self.count - self.first
         if row == len(self.time):
-            for values in (self.time, self.gyro, self.accel, self.scale):
-                values[: self.places] = values[self.places :]
-            if self.keep_outputs:
-                for values in sample_arrays(self.outputs):
-                    values[: self.places] = values[self.places :]
-            self.first += self.places
+            self._move_up()
             row = self.places
         self.time[row] = time
         self.gyro[row] = gyro
         self.accel[row] = accel
         self.count += 1
         return row
+
+    def _move_up(self) -> None:
+        """Forget the older half."""
+        kept: list[FloatArray] = [self.time, self.gyro, self.accel, self.scale]
+        if self.keep_outputs:
+            kept += [getattr(self.outputs, f.name) for f in fields(self.outputs)]
+        for values in kept:
+            values[: self.places] = values[self.places :]
+        self.first += self.places
+
+
+class _Rows:
+    """Rows of `AIDING_ROW`, and the same bytes as real numbers, which are quicker to copy."""
+
+    __slots__ = ("bytes", "table", "value", "variance")
+
+    def __init__(self, table: NDArray[np.void]) -> None:
+        self.table = table
+        self.bytes = table.view(np.float64).reshape(table.size, -1)
+        self.value, self.variance = table["value"], table["variance"]
+
+    def __reduce__(self) -> tuple[type[_Rows], tuple[NDArray[np.void]]]:
+        return _Rows, (self.table,)
+
+    @classmethod
+    def blank(cls, rows: int) -> _Rows:
+        """Rows that are never due."""
+        table = np.zeros(rows, dtype=AIDING_ROW)
+        table["time"], table["offset"], table["matrix"] = np.inf, -1, -1
+        table["offset_scale"] = 1.0
+        return cls(table)
+
+    @classmethod
+    def of_antenna(cls, kind: int, lever: FloatArray, offset: ArrayLike) -> _Rows:
+        """One row with all that is the same for every fix."""
+        one = cls.blank(1)
+        one.table["kind"], one.table["rank"] = kind, kind
+        one.table["lever"], one.table["offset"] = lever, offset
+        return one
 
 
 class NavigationFilter:
@@ -210,46 +261,52 @@ class NavigationFilter:
         self.late_fixes_refused = 0
         self._states = model.size
         self._constraints, self._vibration, self._gaps = constraints, vibration, gaps
+        self._watching = not (constraints is None and vibration is None and gaps is None)
         self._receiver = receiver or GnssReceiver()
-        self._lever = np.asarray(self._receiver.lever_arm, dtype=np.float64)
-        self._offset = np.asarray(self._receiver.offset_states, dtype=np.int64)
+        lever = np.asarray(self._receiver.lever_arm, dtype=np.float64)
+        self._antenna = (
+            _Rows.of_antenna(POSITION, lever, self._receiver.offset_states),
+            _Rows.of_antenna(VELOCITY, lever, _NONE),
+        )
         held = max(late, 0.0 if lag is None else lag + 2.0 * node_interval)
         places = int(held * rate * 1.5) + 4 * SNAPSHOT_EVERY
         self._samples = _Samples(places, keep_outputs=lag is not None)
-        rows = MEASUREMENTS_KEPT
-        self._time = np.full(rows, np.inf)
-        self._rank = np.zeros(rows, dtype=np.int64)
-        self._kind = np.zeros(rows, dtype=np.int64)
-        self._value, self._variance = np.zeros((rows, 3)), np.zeros((rows, 3))
-        self._arm = np.zeros((rows, 3))
-        self._offset_state = np.full((rows, 3), -1, dtype=np.int64)
-        self._matrix = np.full(rows, -1, dtype=np.int64)
-        self._matrices = np.zeros((1, 3, self._states))
-        self._measured = (
-            self._time,
-            self._kind,
-            self._value,
-            self._variance,
-            self._arm,
-            self._offset_state,
-            self._matrix,
-        )
-        self._known, self._changed = 0, True
-        self._same: tuple[Any, ...] = ()
+        self._rows = _Rows.blank(MEASUREMENTS_KEPT)
+        self._matrices = np.zeros((MEASUREMENTS_KEPT, 3, 12 + self._states))
+        self._matrices_taken = 0
+        self._known = 0
         size, width = self._stepper.size, self._stepper.width
         nodes = int(held * rate * 1.5) + 64 if lag is not None else 0
-        kept = min(rows, 4 * nodes)
-        self._aiding = AidingOutputs.empty(rows, kept, size)
+        kept = min(MEASUREMENTS_KEPT, 4 * nodes)
+        self._aiding = AidingOutputs.empty(MEASUREMENTS_KEPT, kept, size)
         self._nodes = NodeOutputs.empty(max(nodes, 8), nodes, size, width)
-        self._after = (aiding_arrays(self._aiding), node_arrays(self._nodes))
-        snapshots = int(np.ceil(late * rate * 1.5 / SNAPSHOT_EVERY)) + 2
-        self._memories = np.zeros((snapshots, self._stepper.memory.size))
-        self._counters = np.zeros((snapshots, self._stepper.counters.size), dtype=np.int64)
-        self._taken = 0
-        self._last = -np.inf
-        self._begin = -np.inf
         self._scaled = False
+        self._filter = self._built()
+        snapshots = int(np.ceil(late * rate * 1.5 / SNAPSHOT_EVERY)) + 2
+        self._snapshots = [
+            KernelState.empty(model.size, width, lag is not None) for _ in range(snapshots)
+        ]
+        self._taken = 0
+        self._begun = 0
+        self._last = -math.inf
+        self._begin = -math.inf
         self._snapshot()
+
+    def _built(self) -> Filter:
+        """The filter with what it takes and where it writes; the same for all calls."""
+        samples = self._samples
+        return self._stepper.filter(
+            Samples(
+                time=samples.time,
+                gyro=samples.gyro,
+                accel=samples.accel,
+                white_scale=samples.scale if self._scaled else NO_SCALE,
+            ),
+            Schedule(rows=self._rows.table, matrices=self._matrices),
+            samples.outputs,
+            self._aiding,
+            self._nodes,
+        )
 
     @classmethod
     def from_setup(
@@ -289,7 +346,8 @@ class NavigationFilter:
             The setup has measurements that a stream does not make by itself.
         """
         more = setup.measurements
-        other = setup.sources or more.sources or more.correlated is not None
+        slow = more.correlated
+        other = setup.sources or isinstance(slow, CorrelatedGnss)
         if other or (setup.vehicle is not None and "wheel" in setup.vehicle.constraints):
             raise InputError(
                 "a setup with speed from wheel vibration or measurements of other sources",
@@ -303,6 +361,13 @@ class NavigationFilter:
             setup.factors.position_sd,
             setup.factors.velocity_sd,
         )
+        if isinstance(slow, GnssErrorModel):
+            receiver = replace(
+                receiver,
+                offset_states=tuple(range(slow.place, slow.place + 3)),
+                white_share=slow.white,
+                slow_share=slow.slow,
+            )
         return cls(
             setup.initial_state(imu, gnss),
             setup.model,
@@ -361,31 +426,43 @@ class NavigationFilter:
                 f"a sample at {time:.6f} s after one at {self._last:.6f} s",
                 expected="time that increases",
             )
-        rate, force = np.asarray(gyro, dtype=np.float64), np.asarray(accel, dtype=np.float64)
+        if self._watching:
+            rate, force = np.asarray(gyro, np.float64), np.asarray(accel, np.float64)
+            white_scale = self._watch(time, rate, force, white_scale)
+        self._take(time, gyro, accel, white_scale)
+
+    def _watch(
+        self, time: float, gyro: FloatArray, accel: FloatArray, white_scale: ArrayLike | None
+    ) -> ArrayLike | None:
+        """Make of a sample what else it tells: constraints, a bridge over a gap, its noise."""
         if self._constraints is not None:
-            for when, kind, value, variance in self._constraints.rows(time, rate, force):
-                self._insert(when, kind, 2, value, variance, _NO_ARM, _NONE)
+            for when, kind, value, variance in self._constraints.rows(time, gyro, accel):
+                row = np.zeros(1, dtype=AIDING_ROW)
+                row[0] = (when, kind, OTHER_RANK, value, variance, _NO_ARM, _NONE, -1)
+                self._insert(row.view(np.float64), when, OTHER_RANK)
         if self._gaps is not None and self._gaps.shortest < time - self._last < math.inf:
-            self._bridge(time, rate, force, self._gaps)
+            self._bridge(time, gyro, accel, self._gaps)
         if white_scale is None and self._vibration is not None:
-            white_scale = self._vibration.scale(rate, force)
-        self._take(time, rate, force, white_scale)
+            return self._vibration.scale(gyro, accel)
+        return white_scale
 
     def _take(
-        self, time: float, gyro: FloatArray, accel: FloatArray, white_scale: ArrayLike | None
+        self, time: float, gyro: ArrayLike, accel: ArrayLike, white_scale: ArrayLike | None
     ) -> None:
         samples = self._samples
         row = samples.add(time, gyro, accel)
         if white_scale is not None:
-            self._scaled = True
+            if not self._scaled:
+                self._scaled = True
+                self._filter = self._built()
             samples.scale[row] = white_scale
         elif self._scaled:
             samples.scale[row] = 1.0
-        if samples.count == 1:
-            self._begin = time
         self._last = time
         if samples.count > 1:
             self._run()
+        else:
+            self._begin = time
 
     def _bridge(self, time: float, gyro: FloatArray, accel: FloatArray, gaps: GapNoise) -> None:
         """Put the mean of the samples around a gap into it, with the noise of what was missed."""
@@ -429,18 +506,29 @@ class NavigationFilter:
         """
         taken, receiver = True, self._receiver
         if position is not None:
-            variance = (np.asarray(position_sd) * receiver.position_factor) ** 2
             when = float(time) + receiver.position_offset
-            taken = self._insert(when, POSITION, 0, position, variance, self._lever, self._offset)
+            taken = self._fix(POSITION, when, position, position_sd, receiver.position_factor)
         if velocity is not None:
-            variance = (np.asarray(velocity_sd) * receiver.velocity_factor) ** 2
             when = float(time) + receiver.velocity_offset
-            taken &= self._insert(when, VELOCITY, 1, velocity, variance, self._lever, _NONE)
+            taken &= self._fix(VELOCITY, when, velocity, velocity_sd, receiver.velocity_factor)
         self._catch_up()
         return taken
 
+    def _fix(self, rank: int, time: float, value: ArrayLike, sd: ArrayLike, factor: float) -> bool:
+        """Put what an antenna measured in its place: rank 0 a position, 1 a velocity."""
+        row = self._antenna[rank]
+        row.value[0] = value
+        variance = row.variance[0]
+        np.multiply(sd, factor, out=variance)
+        np.multiply(variance, variance, out=variance)
+        if rank == POSITION and self._receiver.slow_share > 0.0:
+            row.table["offset_scale"][0] = np.sqrt(self._receiver.slow_share * variance)
+            np.multiply(variance, self._receiver.white_share, out=variance)
+        row.bytes[0, 0] = time
+        return self._insert(row.bytes[0], time, rank)
+
     def add(self, measurements: AidingSchedule) -> bool:
-        """Take any measurements: constraints of a vehicle, linear functions of sensor states.
+        """Take any measurements: constraints of a vehicle, other sensors, models of one's own.
 
         Parameters
         ----------
@@ -457,24 +545,22 @@ class NavigationFilter:
         NavigationError
             They refer to states that do not exist.
         """
+        if any(measurements.general):
+            measurements = for_states(measurements, self._states)
         check_references(measurements, self._states)
-        shift = 0
-        if measurements.matrices.size:
-            shift = len(self._matrices)
-            self._matrices = np.concatenate([self._matrices, measurements.matrices])
         taken = True
         for k in range(measurements.size):
-            matrix = int(measurements.matrix[k])
-            taken &= self._insert(
-                float(measurements.time[k]),
-                int(measurements.kind[k]),
-                2,
-                measurements.value[k],
-                measurements.variance[k],
-                measurements.lever_arm[k],
-                measurements.offset_state[k],
-                matrix + shift if matrix >= 0 else -1,
-            )
+            when, matrix = float(measurements.time[k]), int(measurements.matrix[k])
+            if measurements.kind[k] == GENERAL and (when > self._last or self._go_back(when)):
+                ask_model(measurements, k, self._stepper.state)
+            row = _Rows(measurements.select(slice(k, k + 1)).table())
+            row.table["rank"] = OTHER_RANK
+            if matrix >= 0:
+                place = self._matrices_taken % len(self._matrices)
+                self._matrices[place] = measurements.matrices[matrix]
+                self._matrices_taken += 1
+                row.table["matrix"] = place
+            taken &= self._insert(row.bytes[0], when, OTHER_RANK)
         self._catch_up()
         return taken
 
@@ -486,7 +572,7 @@ class NavigationFilter:
         FilterState
             Copies.
         """
-        return FilterState(self._last, *(v.copy() for v in self._stepper.views()))
+        return FilterState(self._last, *self._stepper.copies())
 
     def smoothed_state(self) -> FilterState | None:
         """Return the state at the newest sample that is `lag` old, with what came since.
@@ -520,14 +606,15 @@ class NavigationFilter:
         horizon = lag_horizons(node_time, self.lag)[at]
         node = int(numbers[at])
         lagged = smooth_nodes_with_lag(
-            NodeStretch(int(numbers[0]), made, self._nodes, self._aiding.row, self._aiding.gain),
-            self._aiding,
-            self._stepper.block,
+            NodeStretch(int(numbers[0]), made, self._nodes, self._aiding),
+            self._stepper.model.block,
             node,
             np.array([numbers[horizon]]),
         )
         one = slice(row, row + 1)
-        values = SampleOutputs(*(a[one].copy() for a in sample_arrays(samples.outputs)))
+        values = SampleOutputs(
+            *(getattr(samples.outputs, f.name)[one].copy() for f in fields(SampleOutputs))
+        )
         ahead = float(node_time[at + 1]) if at + 1 < node_time.size else np.inf
         share = np.array([min((time - float(node_time[at])) / (ahead - float(node_time[at])), 1.0)])
         found = lagged.corrected(values, np.zeros(1, dtype=np.int64), share)
@@ -546,106 +633,78 @@ class NavigationFilter:
             covariance,
         )
 
-    def _insert(
-        self,
-        time: float,
-        kind: int,
-        rank: int,
-        value: ArrayLike,
-        variance: ArrayLike,
-        arm: FloatArray,
-        offset: NDArray[np.int64],
-        matrix: int = -1,
-    ) -> bool:
+    def _insert(self, row: FloatArray, time: float, rank: int) -> bool:
         """Put one measurement in its place; go back to before it if it is late."""
         if not math.isfinite(time):
             raise InputError(f"a measurement at the time {time}", expected="a finite time")
         if time <= self._last and not self._go_back(time):
             self.late_fixes_refused += 1
             return False
-        rows = self._time.size
-        if self._known - int(self._counters[self._oldest() % len(self._counters), 1]) >= rows:
+        places = MEASUREMENTS_KEPT
+        if self._known - int(self._oldest().aided[0]) >= places:
             raise NavigationError(
-                f"{rows} measurements wait for samples of their time",
+                f"{places} measurements wait for samples of their time",
                 expected="measurements not far ahead of the IMU",
             )
-        at = self._known
+        at, rows, table = self._known, self._rows.bytes, self._rows.table
         while at > 0:
-            before = (at - 1) % rows
-            if (self._time[before], self._rank[before]) <= (time, rank):
+            before = (at - 1) % places
+            due = rows[before, 0]
+            if due < time or (due == time and table["rank"][before] <= rank):
                 break
-            self._rank[at % rows] = self._rank[before]
-            for values in self._measured:
-                values[at % rows] = values[before]
+            rows[at % places] = rows[before]
             at -= 1
-        own = at % rows
-        self._time[own], self._rank[own], self._kind[own] = time, rank, kind
-        self._value[own], self._variance[own], self._arm[own] = value, variance, arm
-        self._offset_state[own], self._matrix[own] = offset, matrix
+        rows[at % places] = row
         self._known += 1
-        self._changed = True
         return True
 
-    def _oldest(self) -> int:
-        """Number of the oldest snapshot that is still there."""
-        return max(self._taken - len(self._memories), 0)
+    def _oldest(self) -> KernelState:
+        """The oldest snapshot that is still there."""
+        kept = len(self._snapshots)
+        return self._snapshots[max(self._taken - kept, 0) % kept]
 
     def _snapshot(self) -> None:
-        place = self._taken % len(self._memories)
-        self._memories[place] = self._stepper.memory
-        self._counters[place] = self._stepper.counters
+        _copy_state(self._stepper.state, self._snapshots[self._taken % len(self._snapshots)])
         self._taken += 1
 
     def _go_back(self, time: float) -> bool:
         """Return the filter to before a time, if it is behind it; False if nobody remembers."""
-        if self._stepper.time < time:
+        state = self._stepper.state
+        if state.time[0] < time:
             return True
         if time < self._last - self.late or time < self._begin:
             return False
-        for number in range(self._taken - 1, self._oldest() - 1, -1):
-            place = number % len(self._memories)
-            if self._memories[place, TIME_PLACE] < time:
-                self._stepper.memory[:] = self._memories[place]
-                self._stepper.counters[:] = self._counters[place]
+        kept = len(self._snapshots)
+        for number in range(self._taken - 1, max(self._taken - kept, 0) - 1, -1):
+            snapshot = self._snapshots[number % kept]
+            if snapshot.time[0] < time:
+                _copy_state(snapshot, state)
                 self._taken = number + 1
+                self._begun = int(state.samples[0])
                 return True
         return False
 
     def _catch_up(self) -> None:
-        if self._samples.count > 1 and self._stepper.samples_taken < self._samples.count:
+        if self._samples.count > 1 and self._begun < self._samples.count:
             self._run()
-
-    def _tail(self) -> tuple[Any, ...]:
-        """What goes to the kernel behind the samples; the same until a measurement comes."""
-        measurements = (self._known, *self._measured, self._matrices)
-        return self._stepper.tail(measurements, sample_arrays(self._samples.outputs), *self._after)
 
     def _run(self) -> None:
         """Take all samples that have come, with a snapshot now and then."""
-        samples, stepper = self._samples, self._stepper
-        begun, count = int(stepper.counters[0]), samples.count
-        while begun < count:
+        first, count = self._samples.first, self._samples.count
+        while self._begun < count:
+            begun = self._begun
             stop = min(count, begun - begun % SNAPSHOT_EVERY + SNAPSHOT_EVERY)
-            first, last = begun - samples.first, stop - samples.first
-            if self._changed:
-                self._same = self._tail()
-                self._changed = False
-            bad = stepper.advance(
-                samples.time[first:last],
-                samples.gyro[first:last],
-                samples.accel[first:last],
-                samples.scale[first:last] if self._scaled else NO_SCALE,
-                False,
-                self._same,
-                first,
-            )
+            bad = self._stepper.advance(self._filter, begun - first, stop - first, self._known)
             if bad >= 0:
                 raise NavigationError(
-                    f"the navigation state stopped being finite at "
-                    f"{samples.time[first + bad]:.3f} s",
+                    f"the navigation state stopped being finite at {self._samples.time[bad]:.3f} s",
                     expected="a bounded trajectory",
                     cure="check units and axes of the IMU and the noise model",
                 )
-            begun = stop
+            self._begun = stop
             if stop % SNAPSHOT_EVERY == 0:
                 self._snapshot()
+
+
+def _copy_state(source: KernelState, target: KernelState) -> None:
+    target.memory[:], target.counters[:] = source.memory, source.counters

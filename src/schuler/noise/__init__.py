@@ -2,11 +2,10 @@
 
 from schuler.noise.arma import ARMA
 from schuler.noise.autoregressive import Autoregressive
-from schuler.noise.base import Process, StateSpace
+from schuler.noise.base import Parameter, Process, ProcessSum, StateSpace
 from schuler.noise.drifts import RandomWalk, RateRamp, Sinusoid, TurnOnBias
 from schuler.noise.gauss_markov import BiasInstability, GaussMarkov
 from schuler.noise.noise_model import NoiseModel
-from schuler.noise.sums import ProcessSum
 from schuler.noise.white import Quantization, WhiteNoise
 
 __all__ = [
@@ -15,6 +14,7 @@ __all__ = [
     "BiasInstability",
     "GaussMarkov",
     "NoiseModel",
+    "Parameter",
     "Process",
     "ProcessSum",
     "Quantization",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import ModelError
 from schuler.noise._checks import finite, not_negative, positive, positive_array, samples
-from schuler.noise.base import Process, StateSpace
+from schuler.noise.base import Parameter, Process, StateSpace
 from schuler.types import FloatArray
 
 _LONGEST_MEMORY = 10_000_000
@@ -84,6 +84,15 @@ class ARMA(Process):
     driving_variance: float
     interval: float
     kind: ClassVar[str] = "arma"
+    meaning: ClassVar[str] = (
+        "phi and theta as in x = phi x + e + theta e, at one sample interval only"
+    )
+    about: ClassVar[dict[str, Parameter]] = {
+        "driving_variance": Parameter("size"),
+        "interval": Parameter("given", "", "time"),
+    }
+    growth: ClassVar[float] = 1.0
+    rank: ClassVar[float] = 9.0
 
     def __post_init__(self) -> None:
         for name in ("phi", "theta"):

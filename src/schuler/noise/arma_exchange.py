@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from schuler.errors import ModelError
 from schuler.noise._checks import positive
 from schuler.noise.arma import ARMA
-from schuler.noise.base import Process
+from schuler.noise.base import Process, ProcessSum
 from schuler.noise.gauss_markov import BiasInstability, GaussMarkov
-from schuler.noise.sums import ProcessSum
 from schuler.noise.white import WhiteNoise
 from schuler.types import FloatArray
 

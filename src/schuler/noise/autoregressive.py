@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import ModelError
 from schuler.noise._checks import not_negative, positive, positive_array, samples
-from schuler.noise.base import Process, StateSpace
+from schuler.noise.base import Parameter, Process, StateSpace
 from schuler.noise.lattice import autocovariance_from_reflection, step_down, step_up
 from schuler.types import FloatArray
 
@@ -49,6 +49,13 @@ class Autoregressive(Process):
     driving_variance: float
     interval: float
     kind: ClassVar[str] = "autoregressive"
+    meaning: ClassVar[str] = "a_1 .. a_p of 1 + a_1 z^-1 + ..., at one sample interval only"
+    about: ClassVar[dict[str, Parameter]] = {
+        "driving_variance": Parameter("size"),
+        "interval": Parameter("given", "", "time"),
+    }
+    growth: ClassVar[float] = 1.0
+    rank: ClassVar[float] = 8.0
 
     def __post_init__(self) -> None:
         numbers = tuple(float(a) for a in self.coefficients)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from schuler.errors import ModelError
 from schuler.noise._checks import finite, not_negative, positive, positive_array, samples
-from schuler.noise.base import Process, StateSpace
+from schuler.noise.base import Parameter, Process, StateSpace
+from schuler.noise.elements import Elements
 from schuler.types import FloatArray
 
 
@@ -30,6 +32,15 @@ class RandomWalk(Process):
     density: float
     initial_sd: float = 0.0
     kind: ClassVar[str] = "random_walk"
+    meaning: ClassVar[str] = "bias random walk K"
+    label: ClassVar[str] = "random walk"
+    about: ClassVar[dict[str, Parameter]] = {
+        "density": Parameter("size", "random walk K", "{} random walk"),
+        "initial_sd": Parameter("given", "", "{} bias"),
+    }
+    likelihood: ClassVar[bool] = True
+    penalty: ClassVar[float] = 8.0
+    rank: ClassVar[float] = 4.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "density", not_negative(self.density, "random walk density"))
@@ -38,6 +49,11 @@ class RandomWalk(Process):
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """K² tau/3."""
         return np.asarray(self.density**2 * positive_array(tau, "cluster time") / 3.0)
+
+    def sampled_allan_variance(self, clusters: NDArray[np.int64], dt: float) -> FloatArray:
+        """K² dt (2 m² + 1)/(6 m): half more than that of averages at one sample."""
+        m = np.asarray(clusters, dtype=np.float64)
+        return np.asarray(self.density**2 * dt * (2.0 * m * m + 1.0) / (6.0 * m))
 
     def psd(self, frequency: ArrayLike, *, onesided: bool) -> FloatArray:
         """K²/(2 pi f)² (two-sided)."""
@@ -83,11 +99,34 @@ class RandomWalk(Process):
         """K² dt."""
         return float(self.density**2 * positive(dt, "dt"))
 
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
+        """Steps of variance K² dt."""
+        return Elements(walk=self.density**2 * dt)
+
+    def half_mean_squared_difference(self, steps: FloatArray, dt: float) -> FloatArray:
+        """Half of what the walk goes in so many steps."""
+        return np.asarray(0.5 * self.density**2 * steps * dt)
+
+    def scaled(self, factor: float) -> Self:
+        """The walk and its start, times a factor."""
+        return type(self)(abs(factor) * self.density, abs(factor) * self.initial_sd)
+
+    @classmethod
+    def combined(cls, members: Sequence[tuple[Self, float]]) -> list[Process]:
+        """One walk; where only its start is left, a turn-on bias."""
+        parts = [walk.scaled(share) for walk, share in members]
+        density = math.hypot(*(p.density for p in parts))
+        start = math.hypot(*(p.initial_sd for p in parts))
+        if density > 0.0:
+            return [cls(density, start)]
+        return [TurnOnBias(start)] if start > 0.0 else []
+
 
 class _Line(Process):
     """A process without innovation: its spectrum has lines only, which `psd` leaves out."""
 
     __slots__ = ()
+    random: ClassVar[bool] = False
 
     def psd(self, frequency: ArrayLike, *, onesided: bool) -> FloatArray:
         """Zero: all power is in lines, which have no density."""
@@ -115,6 +154,11 @@ class RateRamp(_Line):
 
     slope: float
     kind: ClassVar[str] = "rate_ramp"
+    meaning: ClassVar[str] = "steady drift"
+    label: ClassVar[str] = "ramp"
+    about: ClassVar[dict[str, Parameter]] = {"slope": Parameter("size", "ramp", "{} ramp")}
+    penalty: ClassVar[float] = 12.0
+    rank: ClassVar[float] = 5.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "slope", finite(self.slope, "ramp slope"))
@@ -141,6 +185,10 @@ class RateRamp(_Line):
             names=("ramp", "ramp slope"),
         )
 
+    def half_mean_squared_difference(self, steps: FloatArray, dt: float) -> FloatArray:
+        """Half the squared rise."""
+        return np.asarray(0.5 * (self.slope * steps * dt) ** 2)
+
     def simulate(self, n: int, dt: float, rng: np.random.Generator) -> FloatArray:
         """Slope times time since the first sample; nothing is drawn."""
         return np.asarray(np.arange(samples(n, dt)) * (self.slope * dt), dtype=np.float64)
@@ -158,6 +206,11 @@ class TurnOnBias(_Line):
 
     sigma: float
     kind: ClassVar[str] = "turn_on_bias"
+    meaning: ClassVar[str] = "constant, new at every start"
+    label: ClassVar[str] = "turn-on bias"
+    about: ClassVar[dict[str, Parameter]] = {"sigma": Parameter("given", "turn-on bias", "{} bias")}
+    likelihood: ClassVar[bool] = True
+    rank: ClassVar[float] = 7.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sigma", not_negative(self.sigma, "turn-on bias sigma"))
@@ -184,6 +237,15 @@ class TurnOnBias(_Line):
             names=("turn-on bias",),
         )
 
+    @classmethod
+    def size_name(cls) -> str:
+        """It grows with its sigma, though no curve shows that."""
+        return "sigma"
+
+    def half_mean_squared_difference(self, steps: FloatArray, dt: float) -> FloatArray:
+        """Nothing: it stays."""
+        return np.zeros(steps.shape)
+
     def simulate(self, n: int, dt: float, rng: np.random.Generator) -> FloatArray:
         """One draw, held."""
         return np.full(samples(n, dt), self.sigma * rng.standard_normal())
@@ -207,6 +269,13 @@ class Sinusoid(_Line):
     frequency: float
     phase: float | None = None
     kind: ClassVar[str] = "sinusoid"
+    meaning: ClassVar[str] = "periodic error"
+    about: ClassVar[dict[str, Parameter]] = {
+        "amplitude": Parameter("size", "sinusoid amplitude", "{} bias"),
+        "frequency": Parameter("given", "sinusoid frequency", "frequency"),
+        "phase": Parameter("given", "", "angle"),
+    }
+    rank: ClassVar[float] = 6.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "amplitude", not_negative(self.amplitude, "amplitude"))
@@ -218,6 +287,14 @@ class Sinusoid(_Line):
         """A² sin⁴(pi f tau)/(pi f tau)²."""
         turn = np.pi * self.frequency * positive_array(tau, "cluster time")
         return np.asarray((self.amplitude * np.sin(turn) ** 2 / turn) ** 2)
+
+    def sampled_allan_variance(self, clusters: NDArray[np.int64], dt: float) -> FloatArray:
+        """(A sin²(m w)/(m sin w))², w = pi f dt: a line above half the rate shows as its alias."""
+        turn = math.pi * (self.frequency * dt - round(self.frequency * dt))
+        m = np.asarray(clusters, dtype=np.float64)
+        if turn == 0.0:
+            return np.zeros(m.shape)
+        return np.asarray((self.amplitude * np.sin(m * turn) ** 2 / (m * math.sin(turn))) ** 2)
 
     def autocovariance(self, lag: ArrayLike) -> FloatArray:
         """(A²/2) cos(2 pi f lag), over phases."""

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from schuler.noise._checks import positive
-from schuler.noise.base import Process
+from schuler.types import FloatArray
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-def kolmogorov_szego(process: Process, dt: float) -> float:
+def kolmogorov_szego(sampled_psd: Callable[[FloatArray, float], FloatArray], dt: float) -> float:
     """Innovation variance exp(2 int_0^(1/2) ln S(f) df) of samples `dt` seconds apart.
 
     The integral runs over f = exp(-y)/2 in panels of y, so that time constants from one sample
@@ -24,7 +25,7 @@ def kolmogorov_szego(process: Process, dt: float) -> float:
     y = (start[:, None] + 0.5 * width * (1.0 + _NODES)).ravel()
     weight = np.tile(0.5 * width * _WEIGHTS, start.size)
     cycles = 0.5 * np.exp(-y)
-    density = process.sampled_psd(cycles, dt)
+    density = sampled_psd(cycles, dt)
     if not (density > 0.0).any():
         return 0.0
     # int ln S df = [f ln S] written as sum over y; total weight of f is one half

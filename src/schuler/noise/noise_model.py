@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from schuler.data.imu import CHANNELS
-from schuler.errors import ModelError
+from schuler.errors import ModelError, SchulerError
 from schuler.noise._checks import not_negative, positive
-from schuler.noise.base import Process
-from schuler.noise.sums import ProcessSum
+from schuler.noise.base import Process, ProcessSum
+from schuler.noise.noise_model_file import Content, noise_model_text, read_noise_model
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -106,6 +106,24 @@ class NoiseModel:
         return found
 
     @classmethod
+    def isotropic(cls, gyro: Process, accel: Process) -> NoiseModel:
+        """Return a model with one process for all gyros and one for all accelerometers.
+
+        Parameters
+        ----------
+        gyro : Process
+            Of x, y and z, in rad/s.
+        accel : Process
+            Of x, y and z, in m/s².
+
+        Returns
+        -------
+        NoiseModel
+            Without standard errors.
+        """
+        return cls({c: gyro if c.startswith("gyro") else accel for c in CHANNELS})
+
+    @classmethod
     def load(cls, path: str | Path) -> NoiseModel:
         """Read a noise model that `save` or a person wrote.
 
@@ -126,9 +144,17 @@ class NoiseModel:
         UnitError
             A unit is not known or of the wrong kind.
         """
-        from schuler.noise.noise_model_file import load_noise_model
-
-        return load_noise_model(path)
+        content = read_noise_model(path)
+        try:
+            return cls(
+                content.processes,
+                content.standard_errors,
+                content.rate,
+                content.source,
+                content.limits,
+            )
+        except SchulerError as error:
+            raise (error if error.where else error.at(str(path))) from None
 
     def save(self, path: str | Path, units: Literal["datasheet", "si"] = "datasheet") -> None:
         """Write the model as YAML for people.
@@ -157,6 +183,5 @@ class NoiseModel:
         str
             YAML with comments.
         """
-        from schuler.noise.noise_model_file import noise_model_text
-
-        return noise_model_text(self, units)
+        content = Content(self.processes, self.standard_errors, self.rate, self.source, self.limits)
+        return noise_model_text(content, units)

@@ -4,77 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from schuler.data.imu import CHANNELS
 from schuler.errors import InputError, SchulerError
-from schuler.noise.arma import ARMA
-from schuler.noise.autoregressive import Autoregressive
-from schuler.noise.base import Process
-from schuler.noise.drifts import RandomWalk, RateRamp, Sinusoid, TurnOnBias
-from schuler.noise.gauss_markov import BiasInstability, GaussMarkov
-from schuler.noise.noise_model import NoiseModel
-from schuler.noise.sums import ProcessSum
-from schuler.noise.white import Quantization, WhiteNoise
+from schuler.noise.base import Process, ProcessSum
+from schuler.noise.parameter_names import class_and_number, parameter_kind
+from schuler.noise.registry import GROUP, check_answers, kinds, process_class
 from schuler.units import format_value, kind_of, parse
 
-PROCESSES: dict[str, type[Process]] = {
-    c.kind: c
-    for c in (
-        WhiteNoise,
-        Quantization,
-        GaussMarkov,
-        RandomWalk,
-        BiasInstability,
-        RateRamp,
-        Sinusoid,
-        TurnOnBias,
-        Autoregressive,
-        ARMA,
-    )
-}
-# rounded coefficients are another process (E-004-10): these are written with all digits, and
-# their driving variance, which belongs to one interval only, in SI
-_SERIES = {"autoregressive": ("coefficients",), "arma": ("phi", "theta")}
-_KINDS = {
-    "white_noise.density": "{} white noise",
-    "quantization.step_density": "{} quantization",
-    "quantization.interval": "time",
-    "gauss_markov.sigma": "{} bias",
-    "gauss_markov.correlation_time": "correlation time",
-    "random_walk.density": "{} random walk",
-    "random_walk.initial_sd": "{} bias",
-    "bias_instability.level": "{} bias instability",
-    "bias_instability.shortest": "correlation time",
-    "bias_instability.longest": "correlation time",
-    "rate_ramp.slope": "{} ramp",
-    "turn_on_bias.sigma": "{} bias",
-    "sinusoid.amplitude": "{} bias",
-    "sinusoid.frequency": "frequency",
-    "sinusoid.phase": "angle",
-    "autoregressive.interval": "time",
-    "arma.interval": "time",
-}
-_MEANINGS = {
-    "white_noise": "noise density N: angle or velocity random walk",
-    "quantization": "rounding of increments, Q",
-    "gauss_markov": "exponentially correlated bias",
-    "random_walk": "bias random walk K",
-    "bias_instability": "flicker B, as a sum of Gauss-Markov noises",
-    "rate_ramp": "steady drift",
-    "turn_on_bias": "constant, new at every start",
-    "sinusoid": "periodic error",
-    "autoregressive": "a_1 .. a_p of 1 + a_1 z^-1 + ..., at one sample interval only",
-    "arma": "phi and theta as in x = phi x + e + theta e, at one sample interval only",
-}
-_DEFAULTS = {
-    f"{kind}.{f.name}": f.default
-    for kind, cls in PROCESSES.items()
-    for f in fields(cls)  # type: ignore[arg-type]
-    if f.default is not MISSING
-}
 _HEADER = """\
 # Noise model of an inertial measurement unit: independent processes that add up, per channel.
 # Every number has its unit and may be edited; "+-" is one standard error. A number without a
@@ -83,13 +23,18 @@ _HEADER = """\
 _PLUS_MINUS = re.compile(r"^\s*(?P<value>\S+)\s*(?:\+-|\+/-|±)\s*(?P<error>\S+)(?P<unit>.*)$")
 
 
-def parameter_kind(channel: str, key: str) -> str | None:
-    """Return the kind of unit of a parameter, None for a plain count."""
-    found = _KINDS.get(re.sub(r"_\d+\.", ".", key))
-    return None if found is None else found.format(channel.split("_")[0])
+@dataclass(frozen=True, slots=True, eq=False)
+class Content:
+    """What a noise model file holds; the fields of `NoiseModel`."""
+
+    processes: Mapping[str, Process]
+    standard_errors: Mapping[str, Mapping[str, float]]
+    rate: float | None
+    source: str
+    limits: Mapping[str, Mapping[str, float]]
 
 
-def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> str:
+def noise_model_text(model: Content, units: Literal["datasheet", "si"]) -> str:
     """Write a noise model as YAML."""
     import yaml
 
@@ -100,20 +45,13 @@ def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> st
     if model.rate is not None:
         lines.append(f"rate: {format_value(model.rate, 'frequency', digits=9)}")
     lines.append("channels:")
-    for channel in model.channels:
-        process = model.process(channel)
+    for channel, process in model.processes.items():
         errors = model.standard_errors.get(channel, {})
         lines.append(f"  {channel}:")
+        assert isinstance(process, ProcessSum)
         for name, part in zip(process.names, process.parts, strict=True):
-            lines.append(f"    - {part.kind}:  # {_MEANINGS[part.kind]}")
-            if part.kind in _SERIES:
-                lines += _series_text(part)
-                continue
-            lines += [
-                f"        {key}: {_text(channel, f'{name}.{key}', value, errors, units)}"
-                for key, value in part.parameters.items()
-                if value != _DEFAULTS.get(f"{part.kind}.{key}")
-            ]
+            lines.append(f"    - {part.kind}:" + (f"  # {part.meaning}" if part.meaning else ""))
+            lines += _part_text(part, channel, name, errors, units)
     if any(model.limits.values()):
         lines += ["# Looked for and not found: more than this is excluded at 95 %.", "excluded:"]
         for channel, limits in model.limits.items():
@@ -125,22 +63,37 @@ def noise_model_text(model: NoiseModel, units: Literal["datasheet", "si"]) -> st
     return "\n".join(lines) + "\n"
 
 
-def _series_text(part: Process) -> list[str]:
+def _part_text(
+    part: Process, channel: str, name: str, errors: Mapping[str, float], units: str
+) -> list[str]:
+    """Lines of one process; what is at its default is left out.
+
+    Rounded coefficients are another process (E-004-10): where there are any, all numbers are
+    written with all digits, and in SI.
+    """
+    values = {f.name: getattr(part, f.name) for f in fields(part)}  # type: ignore[arg-type]
+    series = any(isinstance(v, tuple) for v in values.values())
+    defaults = {f.name: f.default for f in fields(part)}  # type: ignore[arg-type]
     lines = []
-    for field in fields(part):  # type: ignore[arg-type]
-        value = getattr(part, field.name)
-        if field.name in _SERIES[part.kind]:
-            lines.append(f"        {field.name}: [{', '.join(repr(float(v)) for v in value)}]")
+    for key, value in values.items():
+        if isinstance(value, tuple):
+            text = f"[{', '.join(repr(float(v)) for v in value)}]"
+        elif value is None or value == defaults[key]:
+            continue
+        elif series:
+            unit = " s" if part.described(key).unit == "time" else ""
+            text = f"{float(value)!r}{unit}"
         else:
-            unit = " s" if field.name == "interval" else ""
-            lines.append(f"        {field.name}: {float(value)!r}{unit}")
+            text = _text(channel, f"{name}.{key}", float(value), errors, units)
+        lines.append(f"        {key}: {text}")
     return lines
 
 
 def _text(channel: str, key: str, value: float, errors: Mapping[str, float], units: str) -> str:
     kind = parameter_kind(channel, key)
     if kind is None:
-        return f"{value:g}"
+        text = f"{value:g}" if value == round(value) else f"{value:.9g}"
+        return f"{text} +- {errors[key]:.3g}" if key in errors else text
     text = format_value(value, kind, units, digits=9)
     if key in errors:
         number, _, unit = text.partition(" ")
@@ -149,7 +102,7 @@ def _text(channel: str, key: str, value: float, errors: Mapping[str, float], uni
     return text
 
 
-def load_noise_model(path: str | Path) -> NoiseModel:
+def read_noise_model(path: str | Path) -> Content:
     """Read a noise model from YAML."""
     where = str(path)
     content = _mapping(_parse_yaml(path), where)
@@ -171,16 +124,13 @@ def load_noise_model(path: str | Path) -> NoiseModel:
         for channel, values in _mapping(content.get("excluded") or {}, f"{where}: excluded").items()
         if _channel(channel, f"{where}: excluded.{channel}")
     }
-    try:
-        return NoiseModel(
-            processes=processes,
-            standard_errors={c: e for c, e in errors.items() if e},
-            rate=None if rate is None else _number(rate, "frequency", f"{where}: rate")[0],
-            source=str(content.get("source") or ""),
-            limits=limits,
-        )
-    except SchulerError as error:
-        raise (error if error.where else error.at(where)) from None
+    return Content(
+        processes=processes,
+        standard_errors={c: e for c, e in errors.items() if e},
+        rate=None if rate is None else _number(rate, "frequency", f"{where}: rate")[0],
+        source=str(content.get("source") or ""),
+        limits=limits,
+    )
 
 
 def _parse_yaml(path: str | Path) -> Any:
@@ -255,10 +205,14 @@ def _read_channel(channel: str, entries: Any, where: str) -> tuple[ProcessSum, d
 def _read_process(
     channel: str, kind: str, values: Any, where: str
 ) -> tuple[Process, dict[str, float]]:
-    cls = PROCESSES.get(kind)
+    cls = process_class(kind)
     if cls is None:
         raise InputError(
-            f"process '{kind}' is not known", expected=f"of {', '.join(PROCESSES)}", where=where
+            f"process '{kind}' is not known",
+            expected=f"of {', '.join(kinds())}",
+            cure="import the module that defines it first, or install it with an entry point of "
+            f"the group '{GROUP}'",
+            where=where,
         )
     content = _mapping(values, where)
     known = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
@@ -269,7 +223,7 @@ def _read_process(
     numbers: dict[str, Any] = {}
     errors: dict[str, float] = {}
     for name, value in content.items():
-        if name in _SERIES.get(kind, ()):
+        if "tuple" in str(known[name].type):
             numbers[name] = _coefficients(value, f"{where}.{name}")
             continue
         unit_kind = parameter_kind(channel, f"{kind}.{name}")
@@ -277,9 +231,11 @@ def _read_process(
         if error is not None:
             errors[name] = error
     try:
-        return cls(**numbers), errors
+        part = cls(**numbers)
+        check_answers(part)
     except SchulerError as error:
         raise InputError(error.found, expected=error.expected, where=where) from None
+    return part, errors
 
 
 def _coefficients(value: Any, where: str) -> tuple[float, ...]:
@@ -288,11 +244,12 @@ def _coefficients(value: Any, where: str) -> tuple[float, ...]:
     return tuple(_number(v, None, where)[0] for v in value)
 
 
-def _limit_kind(channel: str, key: str, where: str) -> str:
-    found = parameter_kind(channel, key)
-    if found is None:
+def _limit_kind(channel: str, key: str, where: str) -> str | None:
+    name, _, field = key.partition(".")
+    cls, _ = class_and_number(name)
+    if cls is None or field not in {f.name for f in fields(cls)}:  # type: ignore[arg-type]
         raise InputError(f"'{key}' is not a parameter", where=f"{where}: excluded.{channel}")
-    return found
+    return parameter_kind(channel, key)
 
 
 def _number(value: Any, kind: str | None, where: str) -> tuple[float, float | None]:

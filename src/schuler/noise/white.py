@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from schuler.errors import ModelError
 from schuler.noise._checks import not_negative, positive, positive_array, samples
-from schuler.noise.base import Process, StateSpace
+from schuler.noise.base import Parameter, Process, StateSpace
+from schuler.noise.elements import Elements
 from schuler.types import FloatArray
 
 
@@ -26,6 +27,14 @@ class WhiteNoise(Process):
 
     density: float
     kind: ClassVar[str] = "white_noise"
+    meaning: ClassVar[str] = "noise density N: angle or velocity random walk"
+    label: ClassVar[str] = "white noise"
+    about: ClassVar[dict[str, Parameter]] = {
+        "density": Parameter("size", "white noise N", "{} white noise")
+    }
+    likelihood: ClassVar[bool] = True
+    penalty: ClassVar[float] = 4.0
+    rank: ClassVar[float] = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "density", not_negative(self.density, "white noise density"))
@@ -57,6 +66,14 @@ class WhiteNoise(Process):
         none, empty = np.zeros((0, 0)), np.zeros(0)
         return StateSpace(dt, none, none, empty, none, self.density, none, none, ())
 
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
+        """All of it is white."""
+        return Elements(white=self.density**2 / dt)
+
+    def half_mean_squared_difference(self, steps: FloatArray, dt: float) -> FloatArray:
+        """The variance of a sample, from one step on."""
+        return np.where(steps > 0.0, self.density**2 / dt, 0.0)
+
     def simulate(self, n: int, dt: float, rng: np.random.Generator) -> FloatArray:
         """N/sqrt(dt) times standard normal numbers."""
         return np.asarray(rng.standard_normal(samples(n, dt)) * (self.density / np.sqrt(dt)))
@@ -80,6 +97,14 @@ class Quantization(Process):
     step_density: float
     interval: float | None = None
     kind: ClassVar[str] = "quantization"
+    meaning: ClassVar[str] = "rounding of increments, Q"
+    label: ClassVar[str] = "quantisation"
+    about: ClassVar[dict[str, Parameter]] = {
+        "step_density": Parameter("size", "quantisation Q", "{} quantization"),
+        "interval": Parameter("given", "", "time"),
+    }
+    penalty: ClassVar[float] = 10.0
+    rank: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "step_density", not_negative(self.step_density, "quantisation Q"))
@@ -131,6 +156,15 @@ class Quantization(Process):
             diffusion=None,
             names=("quantisation", "quantisation before"),
         )
+
+    def elements(self, dt: float, duration: float = 0.0) -> Elements:
+        """White noise of the running sum."""
+        return Elements(quantization=self.step_density**2 / dt**2)
+
+    def half_mean_squared_difference(self, steps: FloatArray, dt: float) -> FloatArray:
+        """Samples are differences of neighbouring errors of the increments, over dt."""
+        power = (self.step_density / dt) ** 2
+        return np.where(steps == 0.0, 0.0, np.where(steps == 1.0, 3.0, 2.0)) * power
 
     def simulate(self, n: int, dt: float, rng: np.random.Generator) -> FloatArray:
         """Differences of white noise."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, ImuRecording
 from schuler.io.clock import RATE_FROM_README
-from schuler.screening.screen import Finding
+from schuler.screening.finding import Finding
 
 _GAP = 1.8  # median steps; a lost sample makes 2
 

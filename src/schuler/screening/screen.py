@@ -7,7 +7,7 @@ makes up a sample.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,48 +15,20 @@ from numpy.typing import NDArray
 from schuler.data import ImuRecording
 from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
+from schuler.screening import motion, rows, stuck, values
+from schuler.screening.finding import Finding
 
-Severity = Literal["info", "warning", "error"]
+__all__ = [
+    "Finding",
+    "Screening",
+    "clean_segments",
+    "longest_rest",
+    "repair",
+    "repair_until_clean",
+    "screen",
+]
+
 _SHOWN = 5  # intervals named in a message
-
-
-@dataclass(frozen=True, slots=True)
-class Finding(ToDict):
-    """One thing that was seen.
-
-    Parameters
-    ----------
-    kind : str
-        "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "saturation", "knock",
-        "outlier", "heavy tails", "units", "gravity", "grid", "rest", "channels", "source of rate".
-    severity : {"info", "warning", "error"}
-        An error makes results wrong; a warning can.
-    message : str
-        In plain words, with numbers.
-    channels : tuple of str
-        Channels concerned; empty: all.
-    intervals : tuple of (float, float)
-        First and last second concerned, on the recording's time axis.
-    value : float or None
-        The number behind it, SI.
-    cure : str
-        What the user can do about it; empty where the message says all.
-    """
-
-    JSON = "kind severity message channels intervals_s=intervals value cure"
-
-    kind: str
-    severity: Severity
-    message: str
-    channels: tuple[str, ...] = ()
-    intervals: tuple[tuple[float, float], ...] = ()
-    value: float | None = None
-    cure: str = ""
-
-    @property
-    def text(self) -> str:
-        """Message and cure in one line."""
-        return f"{self.message}; {self.cure}" if self.cure else self.message
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,8 +142,6 @@ def screen(imu: ImuRecording) -> Screening:
     than 0.5 % of the samples are beyond 4 of them has heavy tails; its own outliers are then its
     noise and no knocks.
     """
-    from schuler.screening import motion, rows, stuck, values
-
     steps = rows.look_at_steps(imu)
     repeated = rows.repeated_rows(imu)
     still = motion.look_at_rest(imu, steps.rate)
@@ -267,6 +237,36 @@ def repair(imu: ImuRecording, screening: Screening, *, close_up: bool = False) -
         accel=imu.accel[keep],
         temperature=None if imu.temperature is None else imu.temperature[keep],
         history=tuple(history),
+    )
+
+
+def repair_until_clean(imu: ImuRecording, screening: Screening, rounds: int = 5) -> ImuRecording:
+    """Repair and look again until nothing new is found: a knock may hide another."""
+    for _ in range(rounds):
+        mended = repair(imu, screening, close_up=True)
+        if mended is imu:
+            break
+        imu = mended
+        screening = screen(imu)
+        if not screening.disturbed and not screening.repeated.any():
+            break
+    return imu
+
+
+def longest_rest(imu: ImuRecording, screening: Screening) -> ImuRecording:
+    """Return the longest stretch in which the sensor stood still."""
+    if not screening.rest:
+        raise InputError(f"'{imu.name}' never stands still", expected="a log of a sensor at rest")
+    start, stop = max(screening.rest, key=lambda r: r[1] - r[0])
+    first, last = np.searchsorted(imu.time, [start, stop])
+    part = slice(int(first), max(int(last), int(first) + 2))
+    return replace(
+        imu,
+        time=imu.time[part],
+        gyro=imu.gyro[part],
+        accel=imu.accel[part],
+        temperature=None if imu.temperature is None else imu.temperature[part],
+        history=(*imu.history, f"the longest rest, {start:.1f} to {stop:.1f} s"),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.data import ImuRecording
-from schuler.screening.screen import Finding
+from schuler.screening.finding import Finding
 from schuler.types import FloatArray
 
 SHORTEST = 1.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.data import ImuRecording
-from schuler.screening.screen import Finding
+from schuler.screening.finding import Finding
 from schuler.types import FloatArray
 from schuler.units import STANDARD_GRAVITY
 

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 
 from schuler.evaluation.outage_twin import OutageTwin, draw, outage_twin, run_outages
-from schuler.evaluation.outages import OutageStatistics
+from schuler.evaluation.outage_windows import OutageStatistics
 from schuler.simulation import Profile
 from schuler.simulation.motions.set_pieces import SetPiece, car_with_set_pieces
 from schuler.types import FloatArray

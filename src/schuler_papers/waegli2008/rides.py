@@ -12,8 +12,7 @@ from typing import Literal
 import numpy as np
 
 from schuler.arrays.geometry import orthogonal_mounting, tetrahedron_mounting
-from schuler.data import CHANNELS, GnssRecording, Trajectory
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import CHANNELS, GnssRecording, ImuArray, Mounting, Trajectory
 from schuler.noise import GaussMarkov, NoiseModel, WhiteNoise
 from schuler.rotations import euler_from_dcm
 from schuler.simulation import (

@@ -11,6 +11,7 @@ from schuler.evaluation.mechanizations import (
     trajectory_errors,
 )
 from schuler.navigation.mechanizations.navigate_array import Mechanization
+from schuler.navigation.settings import NavigationSettings
 from schuler.types import FloatArray
 from schuler_papers.experiment import Numbers, Size, numbers
 from schuler_papers.waegli2008.rides import GRADES, Receiver, Ride
@@ -29,14 +30,13 @@ def compared(
         ride.array,
         ride.gnss(receiver),
         ride.models,
+        NavigationSettings(
+            heading=ride.heading, time_offset=0.0, turn_on_accel=0.0, turn_on_gyro=0.0
+        ),
         mechanizations=names,
         parity=parity,
         truth=ride.truth,
         judged=ride.judged,
-        heading=ride.heading,
-        time_offset=0.0,
-        turn_on_accel=0.0,
-        turn_on_gyro=0.0,
     )
 
 

@@ -6,13 +6,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from schuler.arrays.geometry import tetrahedron_mounting
+from schuler.navigation.aiding.parity import parity_rows
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.mechanizations.array_model import (
     extended_model,
     fusion_of,
     without_idle_states,
 )
-from schuler.navigation.mechanizations.parity import parity_rows
 from schuler.navigation.observability import Segment, observability
 from schuler.noise import NoiseModel
 from schuler.rotations import dcm_from_euler

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.stats import chi2, kstest, ncx2
 
 from schuler.arrays.geometry import tetrahedron_mounting
+from schuler.arrays.merit import parity_matrix
 from schuler.estimation.residuals.tests import jarque_bera_test
-from schuler.navigation.mechanizations.parity import parity_matrix
 from schuler.rotations import (
     dcm_from_euler,
     dcm_from_rotation_vector,

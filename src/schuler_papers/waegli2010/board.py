@@ -9,7 +9,7 @@ import numpy as np
 from schuler.arrays.synthesis.cornered_hat import cornered_hat
 from schuler.arrays.synthesis.synthetic import synthesize
 from schuler.arrays.tracking import OnlineSettings
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import ImuArray, Mounting
 from schuler_papers.experiment import Numbers, Results, Size, estimate, numbers, stacked
 from schuler_papers.outcome import Band, Curve, Outcome, Panel, Row
 

@@ -16,7 +16,7 @@ from schuler.arrays.synthesis.cornered_hat import cornered_hat
 from schuler.arrays.synthesis.synthetic import SyntheticImu, Weights, synthesize
 from schuler.arrays.synthesis.volatility import window_volatility
 from schuler.arrays.tracking import OnlineSettings
-from schuler.data.array import ImuArray, Mounting
+from schuler.data import ImuArray, Mounting
 from schuler.estimation.garch.conditional_variance import ewma_variance, simulate_garch
 from schuler.types import FloatArray
 from schuler_papers.experiment import Numbers, Size, generator, numbers

@@ -17,7 +17,7 @@ import numpy as np
 from schuler.arrays.geometry import tetrahedron, tetrahedron_mounting
 from schuler.data import CHANNELS
 from schuler.data.array import ImuArray
-from schuler.evaluation.outages import judge_window
+from schuler.evaluation.outage_windows import judge_window
 from schuler.navigation.mechanizations.navigate_array import (
     MECHANIZATIONS,
     Mechanization,

@@ -1,4 +1,4 @@
-"""One door: `calibrate_array`."""
+"""Calibration of the IMUs of an array against each other: `calibrate_array`."""
 
 from __future__ import annotations
 
@@ -28,12 +28,10 @@ from schuler.arrays.calibration.turns import fit_turns
 from schuler.arrays.clocks.delays import require_several, shift
 from schuler.arrays.clocks.polling import sharpened_slope
 from schuler.arrays.clocks.resampling import rate_of_change
+from schuler.arrays.redundant import refuse_copies
 from schuler.data import ImuArray
 from schuler.errors import InputError
 from schuler.types import FloatArray
-
-ALIKE = 0.5
-"""Share of exactly equal rows above which a sensor is a copy of another."""
 
 
 def calibrate_array(
@@ -87,7 +85,7 @@ def calibrate_array(
     """
     require_several(array)
     _all_there(array)
-    _no_copies(array)
+    refuse_copies(array)
     array, stuck = mask_stuck(array)
     masked, saturated = mask_saturated(array, margin)
     rests = find_rests(masked)
@@ -154,23 +152,6 @@ def _all_there(array: ImuArray) -> None:
                 expected="three axes of angular rate in every IMU",
                 cure="leave it out of the array",
             )
-
-
-def _no_copies(array: ImuArray) -> None:
-    for i in range(array.count):
-        for j in range(i):
-            both = np.isfinite(array.gyro[:, i]).all(axis=1) & np.isfinite(array.gyro[:, j]).all(
-                axis=1
-            )
-            same = (array.gyro[both, i] == array.gyro[both, j]).all(axis=1)
-            moving = np.ptp(array.gyro[both, i], axis=0).max(initial=0.0) > 0.0
-            if both.any() and moving and same.mean() > ALIKE:
-                raise InputError(
-                    f"{array.names[i]} is a copy of {array.names[j]}: their rates are equal in "
-                    f"{100.0 * same.mean():.0f} % of the rows",
-                    expected="sensors with noise of their own",
-                    cure="leave one of them out, or check the columns",
-                )
 
 
 def _poses(

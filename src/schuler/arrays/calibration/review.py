@@ -28,7 +28,7 @@ CLASSES = 24
 """Classes of rate in which disagreement is drawn."""
 FEWEST = 20
 """Rows that a class needs."""
-STRETCH = 4.0
+SHOWN = 4.0
 """Seconds of sampling phases that are drawn."""
 
 
@@ -251,12 +251,12 @@ def _phases(
     good = np.isfinite(residual).all(axis=(1, 2)) & np.isfinite(size)
     # a single sample is worth showing where it knows the delay to a quarter of a period
     good &= np.nan_to_num(size) > 4.0 * noise / track.period
-    seconds = np.floor(time[good] / STRETCH)
+    seconds = np.floor(time[good] / SHOWN)
     if seconds.size == 0:
         return None
     values, counts = np.unique(seconds, return_counts=True)
-    start = values[np.argmax(counts)] * STRETCH
-    rows = np.flatnonzero((time >= start) & (time < start + STRETCH))
+    start = values[np.argmax(counts)] * SHOWN
+    rows = np.flatnonzero((time >= start) & (time < start + SHOWN))
     seen = -np.einsum("nki,ni->nk", residual[rows], slope[rows]) / (size[rows] ** 2)[:, None]
     seen[~good[rows]] = np.nan
     return PhaseView(time[rows], track.relative_delay(time[rows]), seen)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import EstimationError, InputError
-from schuler.rotations import rotation_vector_from_dcm, skew, wahba
+from schuler.rotations import skew, wahba
 from schuler.types import FloatArray
 
 TUKEY = 4.685
@@ -113,9 +113,3 @@ def _check_handed(a: FloatArray, b: FloatArray, weight: FloatArray, residual: Fl
             expected="right-handed axes",
             cure="one axis has the wrong sign, or two are swapped: check the columns",
         )
-
-
-def rotation_between(first: ArrayLike, second: ArrayLike) -> FloatArray:
-    """Return the rotation vector that is left between two attitudes."""
-    c1, c2 = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
-    return rotation_vector_from_dcm(c1 @ np.swapaxes(c2, -1, -2))

@@ -92,7 +92,7 @@ def _turns(
     time: FloatArray, rate: FloatArray, rests: Rests, force: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Rotation vectors of the steps (s, t, 3), zero beyond the end, and both directions (t, 3)."""
-    pieces, pairs = [], []
+    segments, pairs = [], []
     for p in range(rests.count - 1):
         a = int(np.flatnonzero(rests.pose == p)[-1])
         b = int(np.flatnonzero(rests.pose == p + 1)[0])
@@ -100,13 +100,13 @@ def _turns(
         known = np.isfinite(part).all() and np.isfinite(force[p : p + 2]).all()
         if not known or b <= a or time[b] - time[a] > LONGEST:
             continue
-        pieces.append(0.5 * (part[1:] + part[:-1]) * np.diff(time[a : b + 1])[:, None])
+        segments.append(0.5 * (part[1:] + part[:-1]) * np.diff(time[a : b + 1])[:, None])
         pairs.append(force[p : p + 2] / np.linalg.norm(force[p : p + 2], axis=1, keepdims=True))
-    if not pieces:
+    if not segments:
         return np.zeros((0, 0, 3)), np.zeros((0, 3)), np.zeros((0, 3))
-    steps = np.zeros((max(len(x) for x in pieces), len(pieces), 3))
-    for t, piece in enumerate(pieces):
-        steps[: len(piece), t] = piece
+    steps = np.zeros((max(len(x) for x in segments), len(segments), 3))
+    for t, segment in enumerate(segments):
+        steps[: len(segment), t] = segment
     both = np.array(pairs)
     return steps, both[:, 0], both[:, 1]
 

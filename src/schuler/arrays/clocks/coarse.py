@@ -76,7 +76,7 @@ def _lively_segments(signal: FloatArray, length: int) -> list[int]:
 
 
 def _correlations(base: FloatArray, segment: FloatArray) -> FloatArray:
-    """Pearson's correlation of the segment with every stretch of the base."""
+    """Pearson's correlation of the segment with every segment of the base."""
     from scipy.signal import correlate
 
     n = segment.size

@@ -1,4 +1,4 @@
-"""One-sample time jumps: stretches in which one IMU's samples are a whole number of steps off."""
+"""One-sample time jumps: segments in which one IMU's samples are a whole number of steps off."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from schuler.arrays.calibration.rotation import MAD
 from schuler.arrays.clocks.delays import DelayEstimate, estimate_delays, require_several
 from schuler.arrays.clocks.resampling import low_pass, rate_of_change, resample
 from schuler.data import ImuArray
-from schuler.kernels.viterbi import rare_changes
+from schuler.kernels.noise.viterbi import rare_changes
 from schuler.types import FloatArray
 
 LARGEST = 3
@@ -28,7 +28,7 @@ CLIP = 8.0
 
 @dataclass(frozen=True, slots=True)
 class SampleJump:
-    """A stretch in which the samples of an IMU belong to other stamps.
+    """A segment in which the samples of an IMU belong to other stamps.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class SampleJump:
     name : str
         Of the IMU.
     first, stop : int
-        First row of the stretch, and the one after its last.
+        First row of the segment, and the one after its last.
     start_time, stop_time : float
         Stamps of the first row and of the last, s.
     samples : int
@@ -75,7 +75,7 @@ def find_jumps(
     bandwidth: float | None = None,
     largest: int = LARGEST,
 ) -> tuple[SampleJump, ...]:
-    """Find stretches in which an IMU is off by whole samples against its usual delay.
+    """Find segments in which an IMU is off by whole samples against its usual delay.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def find_jumps(
     delays : DelayEstimate, optional
         From `estimate_delays`; estimated if not given.
     bandwidth : float, optional
-        Low-pass the rates to this first, Hz. The ends of a stretch are then known to about half
+        Low-pass the rates to this first, Hz. The ends of a segment are then known to about half
         a period of it.
     largest : int
         Largest jump looked for, samples.
@@ -140,7 +140,7 @@ def _likelihoods(
     step = 1.0 / array.rate
     others = [i for i in range(array.count) if i != imu]
     # The others are brought to the instants of this one, whose own rows stay where they are: so
-    # the ends of a stretch stay sharp.
+    # the ends of a segment stay sharp.
     instants = array.time - delay[imu]
     aligned = [resample(array.time, turned[:, i], instants + delay[i]).values for i in others]
     reference = np.median(aligned, axis=0)
@@ -218,7 +218,7 @@ def _stretches(
 
 
 def undo_jumps(array: ImuArray, jumps: Sequence[SampleJump]) -> ImuArray:
-    """Move the rows of every stretch to where they belong."""
+    """Move the rows of every segment to where they belong."""
     gyro, accel = np.array(array.gyro), np.array(array.accel)
     for jump in jumps:
         _move_rows(gyro, gyro.copy(), jump)
@@ -228,7 +228,7 @@ def undo_jumps(array: ImuArray, jumps: Sequence[SampleJump]) -> ImuArray:
 
 
 def _move_rows(values: FloatArray, before: FloatArray, jump: SampleJump) -> None:
-    """Move one stretch of `before` within `values`; rows that nothing belongs to become NaN."""
+    """Move one segment of `before` within `values`; rows that nothing belongs to become NaN."""
     rows = np.arange(jump.first, jump.stop)
     values[rows, jump.imu] = np.nan
     target = rows + jump.samples

@@ -50,6 +50,8 @@ class FaultRecord(ToDict):
         Of the smoothed residuals that showed it, s.
     other : str
         Who else could be to blame.
+    taken_out : bool
+        Whether the sensor was not used from then on, or only found to be off.
     """
 
     JSON = (
@@ -67,6 +69,7 @@ class FaultRecord(ToDict):
     threshold: float
     time_constant: float | None
     other: str
+    taken_out: bool = True
 
     @property
     def text(self) -> str:
@@ -89,6 +92,9 @@ class FaultRecord(ToDict):
             kind = "angular rate" if self.sensor == "gyro" else "acceleration"
             size = f", off by {format_value(self.size, kind, digits=3)} so far"
         who = f"{what} of {self.name}" if self.kind == "unit" else f"{what} {self.name}"
+        if not self.taken_out:
+            who += f" or {self.other}" if self.other else ""
+            return line + f"{who}{size.removeprefix(',').removesuffix(' so far')} ({shown})"
         return line + f"{who} taken out{size} ({shown})"
 
 

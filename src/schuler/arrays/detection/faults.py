@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.arrays.common_axes import require_common_axes
 from schuler.arrays.detection.fault_log import FaultRecord, fault_records
 from schuler.arrays.detection.fault_settings import FaultSettings
 from schuler.arrays.geometry import Geometry
@@ -177,11 +178,13 @@ def detect_faults(
     Raises
     ------
     InputError
-        One IMU only, a direction that no axis measures, or an IMU recorded twice.
+        One IMU only, a direction that no axis measures, an IMU recorded twice, or axes that are
+        not what the mounting says.
     EstimationError
         No beginning from which noise can be taken.
     """
     how = FaultSettings() if settings is None else settings
+    require_common_axes(array, broken_may_pass=True)
     kinds = kinds_recorded(array)
     found: dict[str, SensorFaults] = {}
     rate: FloatArray | None = None

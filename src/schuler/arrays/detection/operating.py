@@ -77,16 +77,19 @@ def operating_curve(
     noise[:, axis] += size
     faulty, _ = likelihood_statistics(noise, geometry)
     threshold = np.quantile(healthy.max(axis=1), 1.0 - rate)
-    largest, blamed = faulty.max(axis=1), faulty.argmax(axis=1)
-    found = largest[:, None] > threshold
+    largest = faulty.max(axis=1, keepdims=True)
+    found = largest > threshold
     number = np.maximum(found.sum(axis=0), 1)
-    same_unit = geometry.units[blamed] == geometry.units[axis]
+    # of axes that look alike each is blamed in turn
+    blamed = faulty >= largest * (1.0 - 1e-9)
+    share = blamed / blamed.sum(axis=1, keepdims=True)
+    right_unit = share[:, geometry.units == geometry.units[axis]].sum(axis=1)
     return OperatingCurve(
         rate,
         chi_square_power(geometry, axis, size, rate),
         np.asarray(found.mean(axis=0)),
-        np.asarray((found & (blamed == axis)[:, None]).sum(axis=0) / number),
-        np.asarray((found & same_unit[:, None]).sum(axis=0) / number),
+        np.asarray(share[:, axis] @ found / number),
+        np.asarray(right_unit @ found / number),
         size,
         axis,
     )

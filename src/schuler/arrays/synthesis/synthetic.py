@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.arrays.common_axes import require_common_axes
 from schuler.arrays.detection.fault_settings import FaultSettings
 from schuler.arrays.detection.faults import FaultDetection, detect_faults
 from schuler.arrays.lever_arms import turning_tensor
@@ -201,8 +202,9 @@ def synthesize(
     Raises
     ------
     InputError
-        One IMU only, axes that leave a direction unmeasured, an IMU recorded twice, a covariance
-        that is none, unknown weights.
+        One IMU only, axes that leave a direction unmeasured or are not what the mounting says, an
+        accelerometer that contradicts the others, an IMU recorded twice, a covariance that is
+        none, unknown weights.
     EstimationError
         Sensors that cannot be told apart where their variances are asked for, or too short a
         beginning.
@@ -210,6 +212,7 @@ def synthesize(
     if weights not in WEIGHTS:
         raise InputError(f"weights '{weights}'", expected=f"one of {', '.join(WEIGHTS)}")
     how = OnlineSettings() if settings is None else settings
+    require_common_axes(array, broken_may_pass=faults is not None)
     kinds = kinds_recorded(array)
     chosen = weights
     if weights == "auto":

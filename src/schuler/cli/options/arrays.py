@@ -13,7 +13,7 @@ from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.data.array import Mounting
+    from schuler.data.mounting import Mounting
 
 
 @Parameter(name="*")
@@ -66,7 +66,7 @@ class ArrayOptions:
         """Return the mounting of all IMUs, None where nothing was said."""
         import numpy as np
 
-        from schuler.data.array import Mounting
+        from schuler.data.mounting import Mounting
         from schuler.rotations import dcm_from_euler
 
         if not self.mount:

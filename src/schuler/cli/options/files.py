@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from schuler.errors import SchulerError
+
 if TYPE_CHECKING:
     from schuler.noise import NoiseModel
+
+Texts = tuple[tuple[Path | None, Callable[[], str]], ...]
+"""Files, and what returns the text of each."""
 
 Files = Annotated[tuple[Path, ...], Parameter(name="FILES", negative=())]
 """The recordings of an array."""
@@ -58,16 +63,18 @@ class ModelFiles:
         """Whether there is a file to write."""
         return self.noise_out is not None or self.kalibr is not None
 
-    def texts(
-        self, model: NoiseModel, rate: float
-    ) -> tuple[tuple[Path | None, Callable[[], str]], ...]:
-        """Return the files with what stands in them."""
+    def texts(self, model: NoiseModel, rate: float) -> tuple[Texts, tuple[str, ...]]:
+        """Return the files with what stands in them, and why some cannot be written."""
         from schuler.io.kalibr import kalibr_yaml
 
-        return (
-            (self.noise_out, model.to_yaml),
-            (self.kalibr, lambda: kalibr_yaml(model, rate=rate, topic=self.topic)),
-        )
+        texts: Texts = ((self.noise_out, model.to_yaml),)
+        if self.kalibr is None:
+            return texts, ()
+        try:
+            kalibr = kalibr_yaml(model, rate=rate, topic=self.topic)
+        except SchulerError as error:
+            return texts, (f"{self.kalibr.name} was not written: {error}",)
+        return (*texts, (self.kalibr, lambda: kalibr)), ()
 
 
 @Parameter(name="*")

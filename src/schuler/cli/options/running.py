@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from schuler.cli.parsing import parse_numbers
-from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.navigation.aiding.options import MeasurementOptions
@@ -44,7 +43,8 @@ class RunOptions:
     adaptive : bool
         The noise of GNSS follows the innovations.
     gnss_correlated : str, optional
-        SIGMA:SECONDS of position errors that last, as multipath does: m, and correlation time.
+        SIGMA:SECONDS of position errors that last, as multipath does: m, and correlation time;
+        auto: a share of what the receiver claims lasts, as much as the drive tells; off: none.
     """
 
     lever_arm: str = "0,0,0"
@@ -57,8 +57,14 @@ class RunOptions:
     adaptive: bool = False
     gnss_correlated: str | None = None
 
-    def keywords(self, *, array: bool = False) -> dict[str, Any]:
-        """Return them as `prepare`, `prepare_array` and `evaluate_outages` want them."""
+    @property
+    def weighs(self) -> bool:
+        """Whether anything is said of how GNSS is weighted."""
+        plain = self.gnss_correlated in (None, "off")
+        return not plain or (self.update, self.adaptive) != ("gate", False)
+
+    def keywords(self) -> dict[str, Any]:
+        """Return them as `NavigationSettings` and `evaluate_outages` want them."""
         from schuler.navigation.aiding.vehicle import check_constraints
 
         known: dict[str, Any] = {
@@ -69,12 +75,7 @@ class RunOptions:
             "tune_noise": self.tune_noise,
             "aiding": check_constraints(self.aid),
         }
-        if (self.update, self.adaptive, self.gnss_correlated) != ("gate", False, None):
-            if array:
-                raise InputError(
-                    "--update, --adaptive or --gnss-correlated with --array",
-                    expected="the gate and the receiver's own deviations",
-                )
+        if self.weighs:
             known["measurements"] = self._measurements()
         if self.mounting is not None:
             from schuler.rotations import dcm_from_euler
@@ -90,13 +91,15 @@ class RunOptions:
         return known
 
     def _measurements(self) -> MeasurementOptions:
-        from schuler.navigation.aiding.attitude_sources import CorrelatedGnss
-        from schuler.navigation.aiding.options import MeasurementOptions
-        from schuler.navigation.aiding.weighting import GnssWeighting
+        from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
+        from schuler.navigation.aiding.options import GnssWeighting, MeasurementOptions
 
-        correlated = None
-        if self.gnss_correlated is not None:
-            text = "--gnss-correlated SIGMA:SECONDS, both above zero, such as 1.5:60"
+        correlated: CorrelatedGnss | GnssErrorModel | None = None
+        if self.gnss_correlated == "auto":
+            correlated = GnssErrorModel()
+        elif self.gnss_correlated not in (None, "off"):
+            assert self.gnss_correlated is not None
+            text = "--gnss-correlated SIGMA:SECONDS, such as 1.5:60, or auto or off"
             sigma, seconds = parse_numbers(self.gnss_correlated, 2, text, ":")
             correlated = CorrelatedGnss(sigma, seconds)
         return MeasurementOptions(GnssWeighting(self.update, self.adaptive), correlated)

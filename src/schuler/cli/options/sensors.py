@@ -14,7 +14,7 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.io.sensors import SensorKind, SensorSeries
-    from schuler.navigation.aiding.attitude_sources import StatefulAiding
+    from schuler.navigation.aiding.schedule import PlacedAiding
     from schuler.types import FloatArray
 
 MICROTESLA = 1e-6
@@ -122,18 +122,17 @@ class SensorOptions:
         told = known.get("measurements", PLAIN)
         return known | {"measurements": replace(told, sources=self._sources(time, repair))}
 
-    def _sources(self, time: FloatArray, repair: bool) -> tuple[StatefulAiding, ...]:
+    def _sources(self, time: FloatArray, repair: bool) -> tuple[PlacedAiding, ...]:
         from schuler.io.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
-        from schuler.navigation.aiding.attitude_sources import (
+        from schuler.navigation.aiding.barometer import (
             Barometer,
-            Heading,
-            Magnetometer,
-            earth_field,
             height_of_pressure,
             pressure_per_height,
         )
+        from schuler.navigation.aiding.heading import Heading
+        from schuler.navigation.aiding.magnetometer import Magnetometer, earth_field
 
-        sources: list[StatefulAiding] = []
+        sources: list[PlacedAiding] = []
         if self.heading_file is not None:
             text = "--heading-baseline X,Y,Z, such as 1,0,0"
             baseline = parse_numbers(self.heading_baseline, 3, text)

@@ -13,7 +13,7 @@ from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from schuler.data.array import Mounting
+    from schuler.data.mounting import Mounting
     from schuler.noise.noise_model import NoiseModel
     from schuler.simulation.receivers import GnssGrade
     from schuler.simulation.scenario import SensorFaults

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from schuler.screening.screen import Screening
 
 MOST_FINDINGS = 8
+SHORTEST = 5.0
+"""Seconds below which nothing is said about motion."""
 NARROW = 110
 """Columns below which errors are written in brackets."""
 
@@ -28,10 +30,12 @@ def characterize(
     /,
     *,
     written: Written = Written(),
-    model: ModelFiles = ModelFiles(),
+    files: ModelFiles = ModelFiles(),
     repair: bool = False,
     strict: bool = False,
     method: tuple[str, ...] = (),
+    model: str = "auto",
+    rest: bool = False,
     reading: ImuReading = ImuReading(),
 ) -> int:
     """Find the noise model of an IMU from a log of it lying still.
@@ -54,66 +58,104 @@ def characterize(
         How to find the noise: allan (the usual one), slope, psd, autocorrelation, gmwm,
         gmwm-robust, ml, ar, ar-covariance, ar-yule-walker, arma, fos, garch, or all. Given more
         than once, the methods are compared; noise model and Kalibr file come from the first.
+    model : str
+        Which processes to fit: auto (chosen by the data), classical (W+B+K), or letters such as
+        W+G+K: W white noise, Q quantisation, B bias instability, G Gauss-Markov (up to three),
+        K random walk, R ramp.
+    rest : bool
+        Use only the longest rest of a log in which the sensor was moved.
     """
     from schuler.cli.methods import chosen_methods, methods_result
+    from schuler.estimation.parts import checked_model
 
-    job = Job(written, model.noise_out, model.kalibr, inputs=(file,))
-    methods = chosen_methods(method, needs_model=model.wanted)
+    job = Job(written, files.noise_out, files.kalibr, inputs=(file,))
+    methods = chosen_methods(method, needs_model=files.wanted)
+    model = str(checked_model(model))
     recording = load_imu(file, reading.options(repair=repair))
     with working("Screening"):
-        recording, screening = screened(recording, repair=repair)
+        recording, screening = screened(recording, repair=repair, rest=rest)
     watch = sum(f.severity != "info" for f in screening.findings) if strict and not repair else 0
     failed = (f"{watch} finding{'' if watch == 1 else 's'} to watch",) if watch else ()
     title = f"Noise of {title_of(file)}"
     if methods:
-        return job.finish(methods_result(recording, screening, methods, model, title, failed))
+        return job.finish(
+            methods_result(recording, screening, methods, files, title, failed, model=model)
+        )
     with working("Fitting the noise of every channel"):
         from schuler.estimation.characterization import characterize_imu
 
-        found = characterize_imu(recording)
-    result = characterization_result(found, screening, recording, model, repaired=repair)
-    return job.finish(replace(result, title=title, failed=failed))
+        found = characterize_imu(recording, model)
+    result = characterization_result(found, screening, recording, files, repaired=repair)
+    settings = {"repair": repair, "model": model}
+    return job.finish(replace(result, title=title, failed=failed, settings=settings))
 
 
 def characterization_result(
     found: ImuCharacterization,
     screening: Screening,
     recording: ImuRecording,
-    model: ModelFiles,
+    files: ModelFiles,
     *,
     repaired: bool,
 ) -> Result:
     """Return what becomes of the noise of a recording."""
+    texts, refused = files.texts(found.noise_model, recording.rate)
     return Result(
         sections=(found, screening, recording),
         show=lambda screen: show_characterization(screen, found, screening, repaired=repaired),
         json=lambda: found.to_dict() | {"screening": screening.to_dict()},
         settings={"repair": repaired},
-        texts=model.texts(found.noise_model, recording.rate),
+        texts=texts,
         with_origin=True,
+        refused=refused,
     )
 
 
-def screened(imu: ImuRecording, *, repair: bool) -> tuple[ImuRecording, Screening]:
+def screened(
+    imu: ImuRecording, *, repair: bool, rest: bool = False
+) -> tuple[ImuRecording, Screening]:
     """Return a recording that can be used, repaired when asked, and what is to be said of it."""
-    from schuler.screening.screen import repair as repair_recording
-    from schuler.screening.screen import screen
+    from schuler.screening.screen import longest_rest, repair_until_clean, screen
 
     screening = screen(imu)
     screening.require_usable()
-    return (repair_recording(imu, screening, close_up=True) if repair else imu), screening
+    if rest:
+        imu = longest_rest(imu, screening)
+        screening = screen(imu)
+    return (repair_until_clean(imu, screening) if repair else imu), screening
+
+
+def _moved(screening: Screening) -> str:
+    """Say that a log is not one of a sensor at rest, and where it is."""
+    total = sum(stop - start for start, stop in screening.rest)
+    text = f"the sensor moved: it stood still for {total:.0f} of {screening.duration:.0f} s"
+    if not screening.rest:
+        return f"{text}; what follows holds motion, not noise alone"
+    start, stop = max(screening.rest, key=lambda r: r[1] - r[0])
+    return (
+        f"{text}, the longest from {start:.1f} to {stop:.1f} s; what follows holds motion, not "
+        "noise alone: --rest takes only the longest rest"
+    )
 
 
 def show_characterization(
     screen: Screen, result: ImuCharacterization, screening: Screening, *, repaired: bool
 ) -> None:
     """Print the noise model and what to think of it."""
+    from schuler.report.sections.noise.ieee952 import ieee952_rows, plateau_note
     from schuler.report.sections.noise.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")
+    if not screening.static and screening.duration > SHORTEST:
+        screen.finding("warning", _moved(screening))
     narrow = screen.console.width < NARROW
     columns, rows = parameter_rows(result.noise_model, "datasheet", short=True, compact=narrow)
     screen.table(columns, rows, words=2)
+    coefficients = {c: one.ieee952 for c, one in result.channels.items()}
+    columns, rows = ieee952_rows(coefficients, "datasheet", compact=narrow)
+    screen.table(columns, rows, words=2)
+    if note := plateau_note(coefficients):
+        screen.line(note, "dim")
     screen.findings(("info", text) for text in result.findings)
     serious = [(f.severity, f.message) for f in screening.findings if f.severity != "info"]
     screen.findings(serious, most=MOST_FINDINGS)

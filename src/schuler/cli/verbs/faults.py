@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from schuler.arrays.detection.fault_log import FaultRecord
     from schuler.arrays.detection.faults import FaultDetection
-    from schuler.arrays.detection.lasting_faults import LastingFault, LastingFaults
+    from schuler.arrays.detection.lasting_faults import LastingFaults
     from schuler.cli.console import Screen
 
 MOST_RECORDS = 12
@@ -97,13 +97,11 @@ def _sample_by_sample(
     files: tuple[Path, ...], options: FaultOptions, reading: ImuReading
 ) -> Result:
     """Test every sample and its means against the noise."""
-    from schuler.arrays.common_axes import require_common_axes
     from schuler.arrays.detection.fault_settings import FaultSettings
     from schuler.arrays.detection.faults import detect_faults
     from schuler.arrays.tracking import OnlineSettings
 
     array = load_array(files, options.calibration, reading.options(), options.clocks)
-    require_common_axes(array)
     rate = options.rate(0.001)
     settings = FaultSettings(
         false_alarm_rate=rate,
@@ -126,11 +124,8 @@ def _sample_by_sample(
 def _in_motion(files: tuple[Path, ...], options: FaultOptions, reading: ImuReading) -> Result:
     """Learn from the healthy recordings, and look at the files."""
     from schuler.arrays.calibration.result import ArrayCalibration
-    from schuler.arrays.detection.lasting_faults import (
-        LastingFaultSettings,
-        detect_lasting_faults,
-        learn_healthy_motion,
-    )
+    from schuler.arrays.detection.healthy_motion import LastingFaultSettings, learn_healthy_motion
+    from schuler.arrays.detection.lasting_faults import detect_lasting_faults
 
     if options.calibration is None:
         raise InputError(
@@ -163,7 +158,7 @@ def _result(found: FaultDetection | LastingFaults, used: dict[str, float]) -> Re
     )
 
 
-def show_records(screen: Screen, records: Sequence[FaultRecord | LastingFault]) -> None:
+def show_records(screen: Screen, records: Sequence[FaultRecord]) -> None:
     """Print the first lines of a fault log."""
     found = (("info" if r.kind == "missing" else "warning", r.text) for r in records)
     screen.findings(found, most=MOST_RECORDS)

@@ -80,14 +80,12 @@ def fuse(
     noise_out : Path, optional
         Write its noise model as YAML here.
     """
-    from schuler.arrays.common_axes import require_common_axes
     from schuler.arrays.detection.fault_settings import FaultSettings
     from schuler.arrays.synthesis.synthetic import synthesize
     from schuler.arrays.tracking import OnlineSettings
 
     job = Job(written, out, noise_out, inputs=(*files, options.calibration))
     array = load_array(files, options.calibration, reading.options(), options.clocks)
-    require_common_axes(array)
     how = OnlineSettings(time_constant=options.time_constant, learning=options.learning)
     with working("Fusing"):
         done = synthesize(

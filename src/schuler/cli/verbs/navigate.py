@@ -79,7 +79,7 @@ def navigate(
     if run.imu is not None:
         return job.finish(_single(run.imu, run, answer, known, sensors, reading))
     _require_for_arrays(several, answer, known, sensors)
-    return job.finish(_array(run, answer, several, known, reading))
+    return job.finish(_array(run, answer, several, known, sensors, reading))
 
 
 def _single(
@@ -108,24 +108,29 @@ def _single(
 
 
 def _array(
-    run: Run, answer: Answer, several: ArrayOptions, known: RunOptions, reading: DriveReading
+    run: Run,
+    answer: Answer,
+    several: ArrayOptions,
+    known: RunOptions,
+    sensors: SensorOptions,
+    reading: DriveReading,
 ) -> Result:
     """Run one mechanization of an array, or compare them all."""
     from schuler.evaluation.mechanizations import compare_mechanizations
     from schuler.navigation.mechanizations.navigate_array import navigate_array
+    from schuler.navigation.settings import NavigationSettings
     from schuler.report import NavigationResults
 
     windows = parse_windows(several.window)
-    keywords = known.keywords(array=True)
     array, fixes = load_array_drive(several, run.gnss, reading)
+    keywords = sensors.keywords(known.keywords(), array.time, repair=reading.repair)
     model = load_noise(run.noise)
     title = f"{array.count} IMUs, {title_of(several.array[0])}"
     if several.mechanization == ALL:
-        del keywords["aiding"]
         with working("Comparing mechanizations") as shown:
             comparison = compare_mechanizations(
-                array, fixes, model, parity=several.parity, outages=windows, progress=shown.say,
-                **keywords,
+                array, fixes, model, NavigationSettings(**keywords), parity=several.parity,
+                outages=windows, progress=shown.say,
             )  # fmt: skip
         return _comparison_result(comparison, f"Mechanizations of {title}")
     with working("Navigating") as shown:
@@ -136,12 +141,14 @@ def _array(
             mechanization=several.mechanization,  # type: ignore[arg-type]
             parity=several.parity,
             outages=windows,
-            smooth=answer.smooth,
+            smooth=answer.smooth if answer.lag is None else "fixed-lag",
+            lag=answer.lag or 0.0,
             progress=shown.say,
             **keywords,
         )
     spans = tuple((fixes.time[0] + a, fixes.time[0] + a + b) for a, b in windows)
-    causal, smoothed = (None, done.solution) if answer.smooth else (done.solution, None)
+    late = done.solution.smoothed
+    causal, smoothed = (None, done.solution) if late else (done.solution, None)
     results = NavigationResults(causal, smoothed, fixes, outages=spans)
     title = f"Navigation with {title}, {several.mechanization}"
     return navigation_result(results, title, answer.out, done.prepared.notes)
@@ -153,20 +160,17 @@ def _require_for_arrays(
     """Raise for what an array cannot take, by the names of the options."""
     from schuler.navigation.mechanizations.navigate_array import MECHANIZATIONS
 
-    if sensors.files:
-        raise InputError(
-            f"{sensors.files[0]} with --array", expected="other sensors beside a single --imu"
-        )
-    if answer.lag is not None:
-        raise InputError(
-            "--lag with --array",
-            expected="a single --imu",
-            cure="use --smooth, or --imu with the file that schuler fuse writes",
-        )
     names = (ALL, *MECHANIZATIONS)
     if several.mechanization not in names:
         raise InputError(f"mechanization '{several.mechanization}'", expected=" or ".join(names))
-    given = {"--out": answer.out is not None, "--smooth": answer.smooth, "--aid": bool(known.aid)}
+    given = {
+        "--out": answer.out is not None,
+        "--smooth": answer.smooth,
+        "--lag": answer.lag is not None,
+        "--aid": bool(known.aid),
+        "--update, --adaptive or --gnss-correlated": known.weighs,
+        "another sensor": bool(sensors.files),
+    }
     for option in (name for name, there in given.items() if there and several.mechanization == ALL):
         raise InputError(
             f"{option} with --mechanization all", expected="one mechanization", cure="name it"

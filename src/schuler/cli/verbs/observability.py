@@ -53,13 +53,15 @@ def _observed(
     from schuler.navigation.mechanizations.array_preparation import prepare_array
     from schuler.navigation.observability_run import observe, observe_array
     from schuler.navigation.preparation.prepare import prepare
+    from schuler.navigation.settings import NavigationSettings
 
-    keywords = known.keywords(array=run.imu is None) | {"aiding": ()}
+    keywords = known.keywords() | {"aiding": ()}
     model = load_noise(run.noise)
     if run.imu is None:
         array, fixes = load_array_drive(several, run.gnss, reading)
         with working("Observing") as shown:
-            prepared = prepare_array(array, fixes, model, progress=shown.say, **keywords)
+            settings = NavigationSettings(**keywords)
+            prepared = prepare_array(array, fixes, model, settings, shown.say)
             return observe_array(prepared, fixes)
     recording, fixes = load_drive(run.imu, run.gnss, reading)
     with working("Observing") as shown:

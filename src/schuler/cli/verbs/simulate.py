@@ -141,7 +141,8 @@ def description(
         "fixes": drive.gnss.size,
         "files": "imu*: what the IMU recorded; gnss: what the receiver recorded; truth: position, "
         "velocity and attitude of the IMU at the true times of its samples (of the centre of an "
-        "array); noise.yaml: the noise model that was drawn from",
+        "array); noise.yaml: the noise model that was drawn from; mounting.yaml: how the IMUs of "
+        "an array sit on the body",
     }
 
 

@@ -60,7 +60,7 @@ def admissible(coefficients: FloatArray, p: int) -> bool:
 
 def likelihood(signal: FloatArray, coefficients: FloatArray, p: int) -> Likelihood:
     """Evaluate the exact likelihood, mean and innovation variance being the best ones."""
-    from schuler.kernels.arma import exact_innovations
+    from schuler.kernels.noise.arma import exact_innovations
 
     padded, gain = harvey_form(*split(coefficients, p))
     covariance = stationary_covariance(padded, gain)
@@ -73,7 +73,7 @@ def likelihood(signal: FloatArray, coefficients: FloatArray, p: int) -> Likeliho
 
 def innovations(signal: FloatArray, coefficients: FloatArray, p: int) -> Innovations:
     """Return the standardised innovations sample by sample."""
-    from schuler.kernels.arma import exact_innovations
+    from schuler.kernels.noise.arma import exact_innovations
 
     padded, gain = harvey_form(*split(coefficients, p))
     arrays = [np.empty(signal.size) for _ in range(3)]

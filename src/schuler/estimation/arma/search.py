@@ -15,6 +15,7 @@ from schuler.estimation.arma.likelihood import (
     exact_slope,
     likelihood,
 )
+from schuler.estimation.optimizer import LADDER, damped_step
 from schuler.noise.arma import poles_of
 from schuler.types import FloatArray
 
@@ -26,7 +27,6 @@ _ROUGH = 1e-2
 _APPROXIMATE_LIMIT = 1e-2
 _PAIRS = ((0.995, 0.97), (-0.95, -0.98), (-0.98, -0.95), (0.97, 0.99))
 """Poles beside zeros that a regression on the recent past does not see."""
-_DAMPINGS = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,16 +52,6 @@ class Climb:
     steps: int
 
 
-def _step(gradient: FloatArray, information: FloatArray, damping: float) -> FloatArray:
-    """Solve (information + damping diag) step = gradient in units of the diagonal."""
-    if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
-        return np.zeros(gradient.size)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    unit = information * np.outer(scale, scale)
-    unit = unit + (damping + 1e-12) * np.eye(scale.size)
-    return np.asarray(scale * np.linalg.lstsq(unit, scale * gradient, rcond=1e-14)[0])
-
-
 def climb(
     signal: FloatArray, start: FloatArray, p: int, *, rough: bool = False, steps: int = 60
 ) -> Climb:
@@ -74,7 +64,7 @@ def climb(
     while taken < steps:
         slope = exact_slope if exact else approximate_slope
         gradient, information = slope(signal, coefficients, p, at)
-        full = _step(gradient, information, 0.0)
+        full = damped_step(gradient, information, 0.0)
         distance = float(gradient @ full) if np.any(full != 0.0) else np.inf
         if exact and distance < enough:
             break
@@ -105,8 +95,8 @@ def _best_along(
     full: FloatArray,
 ) -> tuple[FloatArray, Likelihood] | None:
     """First damped step that raises the likelihood; None if none does."""
-    for damping in _DAMPINGS:
-        step = full if damping == 0.0 else _step(gradient, information, damping)
+    for damping in LADDER:
+        step = full if damping == 0.0 else damped_step(gradient, information, damping)
         if not np.any(np.abs(step) > 1e-15 * (1.0 + np.abs(coefficients))):
             return None
         for shortened in (1.0, 0.3):

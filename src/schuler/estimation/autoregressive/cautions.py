@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler.estimation.autoregressive.estimators import Orders, covariance
 from schuler.estimation.autoregressive.result import Caution, poles_of
-from schuler.estimation.series import Series
+from schuler.estimation.signals import Series
 from schuler.types import FloatArray
 
 _UNIT_ROOT = 14.1
@@ -113,7 +113,7 @@ def _about_yule_walker(
 
 
 def _about_residuals(series: Series, a: FloatArray) -> list[Caution]:
-    from schuler.kernels.autoregressive import one_step_residuals
+    from schuler.kernels.noise.autoregressive import one_step_residuals
 
     y = series.values
     residuals = np.empty(y.size - a.size)

@@ -64,7 +64,7 @@ class LagTable:
     _tail: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        from schuler.kernels.autoregressive import lag_products
+        from schuler.kernels.noise.autoregressive import lag_products
 
         p, y = self.order, self.signal
         self.products = np.empty(p + 1)
@@ -137,7 +137,7 @@ def quadratic_error(gram: FloatArray, coefficients: FloatArray, samples: int) ->
 
 def explicit_error(signal: FloatArray, coefficients: FloatArray, first: int) -> float:
     """Mean squared one-step error of any coefficients from the residuals themselves."""
-    from schuler.kernels.autoregressive import one_step_residuals
+    from schuler.kernels.noise.autoregressive import one_step_residuals
 
     residuals = np.empty(signal.size - first)
     one_step_residuals(signal, coefficients, first, residuals)
@@ -146,7 +146,7 @@ def explicit_error(signal: FloatArray, coefficients: FloatArray, first: int) -> 
 
 def yule_walker(signal: FloatArray, order: int) -> Orders:
     """Levinson's recursion on the biased autocovariance: S003 (6)-(9g); always stable."""
-    from schuler.kernels.autoregressive import lag_products
+    from schuler.kernels.noise.autoregressive import lag_products
 
     products = np.empty(order + 1)
     lag_products(signal, BLOCK, products)
@@ -156,7 +156,7 @@ def yule_walker(signal: FloatArray, order: int) -> Orders:
 
 def burg(signal: FloatArray, order: int, floor: float) -> Orders:
     """Burg's lattice: S003 (10)-(13); always stable."""
-    from schuler.kernels.autoregressive import burg_lattice
+    from schuler.kernels.noise.autoregressive import burg_lattice
 
     reflection, error = np.zeros(order), np.zeros(order)
     reached = burg_lattice(signal.copy(), signal.copy(), floor, BLOCK, reflection, error)

@@ -32,7 +32,7 @@ from schuler.estimation.autoregressive.result import (
     coefficient_covariance,
     reflection_of,
 )
-from schuler.estimation.series import Series, prepare
+from schuler.estimation.signals import Series, prepare
 from schuler.types import FloatArray
 
 __all__ = [

@@ -174,7 +174,7 @@ class ArFit(ToDict):
         (n - p,) ndarray
             Measured less predicted, in u.
         """
-        from schuler.kernels.autoregressive import one_step_residuals
+        from schuler.kernels.noise.autoregressive import one_step_residuals
 
         data = np.ascontiguousarray(signal, dtype=np.float64)
         if data.ndim != 1 or data.size <= self.order or not np.isfinite(data).all():

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.spectrum import SpectrumCurve
 from schuler.data.to_dict import ToDict
 from schuler.errors import SchulerError

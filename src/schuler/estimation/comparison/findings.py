@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from schuler.curves.allan import AllanCurve
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.spectrum import SpectrumCurve
 from schuler.errors import ModelError
 from schuler.estimation.arma.fit import ArmaFit
@@ -22,19 +22,11 @@ from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum
 from schuler.noise.arma_exchange import arma_to_gauss_markov_sum
 from schuler.noise.gauss_markov import FLICKER_LEVEL
+from schuler.noise.parameter_names import spoken_name
 from schuler.units import format_value
 
 Results = Mapping[str, Identification | MethodIdentification]
 
-WORDS = {
-    "white_noise.density": "white noise N",
-    "quantization.step_density": "quantisation Q",
-    "gauss_markov.sigma": "Gauss-Markov sigma",
-    "gauss_markov.correlation_time": "Gauss-Markov T",
-    "bias_instability.level": "bias instability B",
-    "random_walk.density": "random walk K",
-    "rate_ramp.slope": "ramp",
-}
 _CROSSING_SHARE = 0.5
 _OUTLIERS = 1.1
 _NOTABLE_MISFIT = 0.01
@@ -42,16 +34,6 @@ _NEIGHBOURS = 6
 _LINE = 1.5
 _SURE = 20.0
 _PROCESS_METHODS = ("ml", "gmwm", "allan", "psd")
-
-
-def words_of(parameter: str) -> str:
-    """Return the name of a parameter for people."""
-    name, _, field = parameter.partition(".")
-    kind, _, number = name.rpartition("_")
-    if not number.isdecimal():
-        kind, number = name, ""
-    words = WORDS.get(f"{kind}.{field}", parameter.replace("_", " ").replace(".", " "))
-    return words.replace("Gauss-Markov", f"Gauss-Markov {number}") if number else words
 
 
 def spoken(value: float, quantity: str, name: str) -> str:
@@ -97,7 +79,7 @@ def _agreement(parameters: Sequence[ParameterAgreement]) -> list[str]:
         return [
             f"{', '.join(methods)} agree within their errors on {what} they "
             f"share; the largest difference is {worst.worst:.1f} combined standard deviations "
-            f"({words_of(worst.parameter)})"
+            f"({spoken_name(worst.parameter)})"
         ]
     told = []
     for p in sorted(apart, key=lambda p: -p.worst):
@@ -105,7 +87,7 @@ def _agreement(parameters: Sequence[ParameterAgreement]) -> list[str]:
         low, high = sorted((p.values[first], p.values[second]))
         ratio = high / low
         size = f"{100.0 * (ratio - 1.0):.2g} %" if ratio < 2.0 else f"{ratio:.2g} times"
-        told.append(f"{words_of(p.parameter)} by {p.worst:.1f} ({first} and {second}, {size})")
+        told.append(f"{spoken_name(p.parameter)} by {p.worst:.1f} ({first} and {second}, {size})")
     return [f"methods differ, in combined standard deviations: {'; '.join(told)}"]
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.curves.allan import AllanCurve, allan_deviation
+from schuler.curves.allan import allan_deviation
+from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
 from schuler.data.imu import ImuRecording
 from schuler.data.to_dict import ToDict, plain
@@ -185,7 +186,7 @@ def compare_methods(
     rate: float,
     methods: Sequence[str] = DEFAULT_METHODS,
     *,
-    model: Literal["shared", "auto", "classical"] | Process = "shared",
+    model: str | Process = "shared",
     name: str = "",
     told: Callable[[str], None] | None = None,
 ) -> MethodComparison:
@@ -347,7 +348,7 @@ def compare_methods_imu(
     imu: ImuRecording,
     methods: Sequence[str] = DEFAULT_METHODS,
     *,
-    model: Literal["shared", "auto", "classical"] | Process = "shared",
+    model: str | Process = "shared",
     told: Callable[[str, float], None] | None = None,
 ) -> ImuMethodComparison:
     """Put several methods to every channel of a recording at rest.

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from schuler.data.to_dict import ToDict
 from schuler.estimation.result import MethodResult
 from schuler.noise import GaussMarkov, Process, ProcessSum
+from schuler.noise.parameter_names import class_and_number
 
 AGREE = 2.0
 """Largest difference in combined standard deviations that counts as agreement."""
@@ -84,20 +85,10 @@ def _ranked(process: ProcessSum) -> list[str]:
     return names
 
 
-_KINDS = (
-    "white_noise",
-    "quantization",
-    "gauss_markov",
-    "bias_instability",
-    "random_walk",
-    "rate_ramp",
-)
-
-
-def _place(key: str) -> tuple[int, str, bool]:
+def _place(key: str) -> tuple[float, str, bool]:
     name, _, field = key.partition(".")
-    rank = [k for k, kind in enumerate(_KINDS) if name.startswith(kind)]
-    return (rank[0] if rank else len(_KINDS), name, field == "correlation_time")
+    cls, _ = class_and_number(name)
+    return (math.inf if cls is None else cls.rank, name, field == "correlation_time")
 
 
 def combined_difference(first: tuple[float, float], second: tuple[float, float]) -> float:
@@ -136,9 +127,9 @@ def shared_structure(process: Process | None, method: str) -> Process | None:
     """Return the parts of a structure that a method can fit."""
     if process is None:
         return None
-    unknown = {
-        "psd": ("rate_ramp", "sinusoid", "turn_on_bias"),
-        "ml": ("rate_ramp", "sinusoid", "quantization"),
-    }.get(method, ())
-    parts = tuple(p for p in process.components if p.kind not in unknown)
+    parts = tuple(
+        p
+        for p in process.components
+        if (method != "psd" or p.random) and (method != "ml" or p.likelihood)
+    )
     return ProcessSum(parts) if parts else None

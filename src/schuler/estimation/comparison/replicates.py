@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError
-from schuler.estimation.comparison.findings import words_of
+from schuler.estimation.comparison.agreement import Agreement, compare_runs
 from schuler.estimation.comparison.methods import ImuMethodComparison
 from schuler.estimation.comparison.parameters import (
     AGREE,
@@ -16,7 +16,7 @@ from schuler.estimation.comparison.parameters import (
     combined_difference,
     comparable,
 )
-from schuler.estimation.replicates import Agreement, compare_runs
+from schuler.noise.parameter_names import spoken_name
 
 _SURE = 0.01
 
@@ -181,7 +181,7 @@ def _by_channel(
     """One sentence a channel."""
     grouped: dict[str, list[str]] = {}
     for p in parameters:
-        grouped.setdefault(p.channel, []).append(f"{words_of(p.parameter)} {tell(p)}")
+        grouped.setdefault(p.channel, []).append(f"{spoken_name(p.parameter)} {tell(p)}")
     return [f"{channel}: {what}: {'; '.join(texts)}" for channel, texts in grouped.items()]
 
 

@@ -17,8 +17,8 @@ from schuler.estimation.garch.fit import CONVERGED, fit_garch
 from schuler.estimation.garch.result import GarchFit
 from schuler.estimation.garch.search import (
     SMALLEST_CONSTANT,
+    Answer,
     Problem,
-    Slopes,
     climb,
     inverse,
     observed_information,
@@ -96,8 +96,8 @@ class _Objective:
     def size(self) -> int:
         return 2 + self.p + self.q + self.shocks + self.memories
 
-    def __call__(self, parameters: FloatArray, outer: FloatArray) -> Slopes:
-        from schuler.kernels.garch import arma_garch_slopes
+    def __call__(self, parameters: FloatArray, outer: FloatArray) -> Answer:
+        from schuler.kernels.noise.garch import arma_garch_slopes
 
         score, information = np.empty(self.size), np.empty((self.size, self.size))
         value = arma_garch_slopes(

@@ -36,7 +36,7 @@ def garch_conditional_variance(
     residuals: ArrayLike, alpha0: float, alpha: ArrayLike, beta: ArrayLike, *, before: float
 ) -> FloatArray:
     """One-step-ahead variances; each depends on the samples before it alone."""
-    from schuler.kernels.garch import garch_variances
+    from schuler.kernels.noise.garch import garch_variances
 
     values = checked_signal(residuals, 0, varying=False)
     constant = float(weights(alpha0, "alpha0")[0])
@@ -81,7 +81,7 @@ def simulate_garch(
     samples: int, alpha0: float, alpha: ArrayLike, beta: ArrayLike, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Draw GARCH noise with Gaussian Z, after a start that has been forgotten."""
-    from schuler.kernels.garch import garch_noise
+    from schuler.kernels.noise.garch import garch_noise
 
     if samples < 0:
         raise ModelError(f"{samples} samples were asked for", expected="zero or more")

@@ -10,8 +10,8 @@ import numpy as np
 from schuler.estimation.garch.conditional_variance import backcast
 from schuler.estimation.garch.search import (
     SMALLEST_CONSTANT,
+    Answer,
     Problem,
-    Slopes,
     Summit,
     climb,
     inverse,
@@ -80,16 +80,16 @@ class GarchSolution:
 
 def garch_slopes(
     unit: FloatArray, p: int, q: int, before: float
-) -> Callable[[FloatArray, FloatArray], Slopes]:
+) -> Callable[[FloatArray, FloatArray], Answer]:
     """Bind noise and orders to the likelihood kernel."""
-    from schuler.kernels.garch import arma_garch_slopes, garch11_slopes
+    from schuler.kernels.noise.garch import arma_garch_slopes, garch11_slopes
 
     squares = unit**2
     k = p + q + 1
     short = (p, q) == (1, 1)
     residual, variances = np.empty((2, 0 if short else unit.size))
 
-    def evaluate(u: FloatArray, outer: FloatArray) -> Slopes:
+    def evaluate(u: FloatArray, outer: FloatArray) -> Answer:
         score, information = np.empty(k), np.empty((k, k))
         if short:
             a0, a1, b1 = u.tolist()
@@ -159,7 +159,7 @@ def _best(
 
 
 def _at_constant(
-    evaluate: Callable[[FloatArray, FloatArray], Slopes],
+    evaluate: Callable[[FloatArray, FloatArray], Answer],
     variance: float,
     p: int,
     q: int,
@@ -189,7 +189,7 @@ def solve_targeted(unit: FloatArray, p: int, q: int) -> GarchSolution:
     def full(w: FloatArray) -> FloatArray:
         return np.concatenate([[variance * (1.0 - float(w.sum()))], w])
 
-    def tied(w: FloatArray) -> Slopes:
+    def tied(w: FloatArray) -> Answer:
         value, score, information = evaluate(full(w), _NO_OUTER)
         return value, weights.T @ score, weights.T @ information @ weights
 

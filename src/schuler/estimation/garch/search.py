@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.estimation.optimizer import Rules, Slopes, minimise, promise
 from schuler.types import FloatArray
 
-Slopes = tuple[float, FloatArray, FloatArray]
-
+Answer = tuple[float, FloatArray, FloatArray]
+"""Likelihood, gradient, information."""
 PERSISTENCE_EDGE = 1e-7
 """The sum of all weights stays this far below one."""
 SMALLEST_CONSTANT = 1e-14
 """Lower bound of alpha0 in units of the variance."""
 CLOSE_ENOUGH = 1e-9
-_DAMPINGS = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ class Problem:
         Any further condition on the parameters.
     """
 
-    evaluate: Callable[[FloatArray], Slopes]
+    evaluate: Callable[[FloatArray], Answer]
     lower: FloatArray
     positive: NDArray[np.bool_]
     weights: NDArray[np.bool_]
@@ -77,48 +77,23 @@ def climb(
     problem: Problem, start: FloatArray, steps: int = 80, close: float = CLOSE_ENOUGH
 ) -> Summit:
     """Follow damped scoring steps uphill within the bounds."""
-    here = start.copy()
-    value, gradient, information = problem.evaluate(here)
-    for _ in range(steps):
-        free = ~((here <= problem.lower) & (gradient <= 0.0))
-        distance = _distance(gradient, information, free)
-        if distance < close:
-            break
-        for damping in _DAMPINGS:
-            tried = _moved(problem, here, _step(gradient, information, free, damping))
-            if tried is None:
-                continue
-            result = problem.evaluate(tried)
-            if result[0] > value:
-                here = tried
-                value, gradient, information = result
-                break
-        else:
-            break
-    free = ~((here <= problem.lower) & (gradient <= 0.0))
-    distance = _distance(gradient, information, free)
-    return Summit(here, value, gradient.copy(), information.copy(), free, distance)
 
+    def slopes(at: FloatArray) -> Slopes[None]:
+        value, gradient, information = problem.evaluate(at)
+        return Slopes(-value, gradient.copy(), information.copy(), None)
 
-def _step(
-    gradient: FloatArray, information: FloatArray, free: NDArray[np.bool_], damping: float
-) -> FloatArray:
-    inner = information[np.ix_(free, free)]
-    if not (np.isfinite(inner).all() and np.isfinite(gradient).all()):
-        return np.zeros(gradient.size)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
-    step = np.zeros(gradient.size)
-    step[free] = scale * np.linalg.lstsq(unit, scale * gradient[free], rcond=1e-15)[0]
-    return step
-
-
-def _distance(gradient: FloatArray, information: FloatArray, free: NDArray[np.bool_]) -> float:
-    if not free.any():
-        return 0.0
-    if not (np.isfinite(gradient).all() and np.isfinite(information).all()):
-        return np.inf
-    return float(gradient @ _step(gradient, information, free, 0.0))
+    rules = Rules(iterations=steps, close=close, ladder=True)
+    found = minimise(
+        slopes,
+        start,
+        (problem.lower, np.inf),
+        rules,
+        move=lambda here, step: _moved(problem, here, step),
+    )
+    pull, curvature = found.slopes.pull, found.slopes.curvature
+    free = ~((found.at <= problem.lower) & (pull <= 0.0))
+    distance = promise(pull, curvature, free)
+    return Summit(found.at, -found.value, pull, curvature, free, distance)
 
 
 def _moved(problem: Problem, here: FloatArray, step: FloatArray) -> FloatArray | None:

@@ -10,21 +10,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.curves.robust import biweight_tuning, median_scale, robust_variance
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
-from schuler.errors import EstimationError, InputError, ModelError
-from schuler.estimation.curve_fit import FREE, CurvePoints, fit_structure, free_parameters
+from schuler.errors import EstimationError, InputError
+from schuler.estimation.disturbances.outliers import contamination
 from schuler.estimation.gmwm.moments import MomentFit, fit_moments, heterogeneity
 from schuler.estimation.gmwm.result import GmwmIdentification, describe_fit
 from schuler.estimation.gmwm.scatter import pooled_points, pooled_scatter
-from schuler.estimation.selection import rough_process, select_structure
-from schuler.noise import (
-    BiasInstability,
-    GaussMarkov,
-    Process,
-    RandomWalk,
-    WhiteNoise,
-)
+from schuler.estimation.parts import parts_of_model
+from schuler.estimation.selection import from_several_starts, rough_process, select_structure
+from schuler.noise import Process
 
 __all__ = [
     "GmwmIdentification",
@@ -32,15 +26,13 @@ __all__ = [
     "fit_gmwm",
     "fit_gmwm_curves",
     "one_channel",
-    "tail_ratio",
 ]
 
-Model = Literal["auto", "classical"] | Process
+Model = str | Process
 Robust = bool | Literal["samples", "coefficients"]
 
 _SHORTEST_RECORD = 100
 _BAND_EDGES = (10, 50)
-_FASTEST = 3.0
 _FEWEST_SCALES = 8
 _MISFIT = 1e-3
 
@@ -85,7 +77,7 @@ def fit_gmwm(
     """
     values = one_channel(signal)
     curve = wavelet_variance(values, rate, robust, efficiency)
-    return fit_gmwm_curves([curve], model, tail_ratio(values) if not robust else 1.0)
+    return fit_gmwm_curves([curve], model, contamination(values).ratio if not robust else 1.0)
 
 
 def fit_gmwm_curves(
@@ -110,7 +102,7 @@ def fit_gmwm_curves(
             break
         kept = slow
         fit, candidates = _fit(start, kept, 0.0)
-        if _fits(fit, kept, 0.0) and (start is not None or not _filter_of_the_sensor(fit, kept)):
+        if _fits(fit, kept, 0.0):
             break
     assert fit is not None
     granted = 0.0
@@ -135,17 +127,9 @@ def _fit(
         scatter = pooled_scatter(rough_process(points), curves, points)
         chosen, candidates = select_structure(points, scatter.with_discrepancy(granted))
         return fit_moments(chosen.parts, curves, granted), candidates
-    return fit_moments(_log_fit(start, curves, points), curves, granted), {}
-
-
-def _filter_of_the_sensor(fit: MomentFit, curves: Sequence[WaveletVarianceCurve]) -> bool:
-    """Whether a Gauss-Markov noise describes only the fastest scales.
-
-    A sensor's own low-pass filter correlates neighbouring samples, which none of the processes
-    describes and no navigation filter feels.
-    """
-    edge = _FASTEST * curves[0].scale[0]
-    return any(isinstance(p, GaussMarkov) and p.correlation_time < edge for p in fit.parts)
+    scatter = pooled_scatter(rough_process(points), curves, points)
+    best = from_several_starts(start, points, scatter)
+    return fit_moments(best.parts, curves, granted), {}
 
 
 def _misfit(
@@ -153,9 +137,9 @@ def _misfit(
 ) -> tuple[float, int]:
     """Misfit within records and its degrees of freedom: what records do not share is left out."""
     if len(curves) == 1:
-        return fit.chi_square, max(fit.degrees_of_freedom, 1)
+        return fit.cost, max(fit.degrees_of_freedom, 1)
     between, freedom = heterogeneity(fit, curves, granted)
-    return fit.chi_square - between, max(fit.degrees_of_freedom - freedom, 1)
+    return fit.cost - between, max(fit.degrees_of_freedom - freedom, 1)
 
 
 def _fits(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> bool:
@@ -180,15 +164,6 @@ def one_channel(signal: ArrayLike) -> NDArray[Any]:
     return values
 
 
-def tail_ratio(values: NDArray[Any]) -> float:
-    """Compare the variance at the finest scale with what it is without outliers."""
-    step = np.diff(values.astype(np.float64))
-    plain = float(step @ step) / step.size
-    if plain == 0.0 or median_scale(step) == 0.0:
-        return 1.0
-    return plain / robust_variance(step, biweight_tuning(0.5))[0]
-
-
 def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVarianceCurve:
     """Return the curve at scales from `shortest` s on."""
     keep = curve.scale >= shortest * (1.0 - 1e-9)
@@ -203,65 +178,9 @@ def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVaria
 
 
 def _start(model: Model, curve: WaveletVarianceCurve) -> tuple[Process, ...] | None:
-    if isinstance(model, str) and model == "auto":
+    if model == "auto":
         return None
-    if isinstance(model, str) and model == "classical":
-        shortest, longest = 2.0 / curve.rate, 10.0 * curve.duration
-        classical = WhiteNoise(1.0) + BiasInstability(1.0, shortest, longest) + RandomWalk(1.0)
-        parts: tuple[Process, ...] = classical.components
-    elif isinstance(model, Process):
-        parts = model.components
-    else:
-        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
-    if not free_parameters(parts):
-        raise ModelError("the model has no parameter that a wavelet variance shows")
-    return parts
-
-
-def _log_fit(
-    parts: Sequence[Process], curves: Sequence[WaveletVarianceCurve], points: CurvePoints
-) -> tuple[Process, ...]:
-    """Start values: the best joint fit of the log curve, times as given or along the curve."""
-    scatter = pooled_scatter(rough_process(points), curves, points)
-    starts = [list(parts), *_other_times(parts, points)]
-    fits = [
-        fit_structure([_scaled(p, points) for p in start], points, scatter, 30) for start in starts
-    ]
-    best = min(fits, key=lambda f: f.chi_square)
-    return fit_structure(best.parts, points, scatter).parts
-
-
-def _other_times(parts: Sequence[Process], points: CurvePoints) -> list[list[Process]]:
-    """The structure with its correlation times spread over the curve in several ways.
-
-    Given times may only say how many there are, not how long. Their order is kept.
-    """
-    noises = [(p.correlation_time, k) for k, p in enumerate(parts) if isinstance(p, GaussMarkov)]
-    if not noises:
-        return []
-    count = max(4, 2 * len(noises))
-    grid = np.geomspace(2.0 * points.tau[0], points.tau[-1], count)
-    starts = []
-    for first in range(count - len(noises) + 1):
-        chosen = np.linspace(first, count - 1, len(noises)).astype(int)
-        if len(noises) == 1:
-            chosen = np.array([first])
-        moved = list(parts)
-        for (_, k), j in zip(sorted(noises), chosen, strict=True):
-            moved[k] = replace(parts[k], correlation_time=float(grid[j]))  # type: ignore[type-var]
-        starts.append(moved)
-    return starts
-
-
-def _scaled(part: Process, points: CurvePoints) -> Process:
-    """Give a part an amplitude below the curve, whatever its start value."""
-    if not FREE[part.kind]:
-        return part
-    name = FREE[part.kind][0]
-    unit = replace(part, **{name: 1.0})  # type: ignore[type-var]
-    shape = np.maximum(unit.allan_variance(points.tau), 1e-300)
-    amplitude = math.sqrt(0.5 * float(np.min(points.variance / shape)))
-    return replace(unit, **{name: amplitude})  # type: ignore[type-var]
+    return parts_of_model(model, 1.0 / curve.rate, curve.duration, "a wavelet variance")
 
 
 def _discrepancy(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float) -> float:

@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike
 from schuler.curves.wavelet_variance import wavelet_variance
 from schuler.data.to_dict import ToDict, plain
 from schuler.errors import EstimationError, InputError
+from schuler.estimation.comparison.agreement import Agreement, compare_runs
+from schuler.estimation.disturbances.outliers import contamination
 from schuler.estimation.gmwm.fit import (
     Model,
     Robust,
     at_scales_from,
     fit_gmwm_curves,
     one_channel,
-    tail_ratio,
 )
 from schuler.estimation.gmwm.moments import fit_moments, heterogeneity
 from schuler.estimation.gmwm.result import GmwmIdentification, describe_fit
-from schuler.estimation.replicates import Agreement, compare_runs
 
 _SHARED = 0.01
 
@@ -108,7 +108,7 @@ def fit_gmwm_replicates(
             curves.append(wavelet_variance(values, rate, robust, efficiency))
         except (InputError, EstimationError) as error:
             raise error.at(f"record {k}") from None
-        tails = max(tails, 1.0 if robust else tail_ratio(values))
+        tails = max(tails, 1.0 if robust else contamination(values).ratio)
     pooled = fit_gmwm_curves(curves, model, tails)
     used = [at_scales_from(c, float(pooled.diagnostics.tau[0])) for c in curves]
     granted = 2.0 * pooled.diagnostics.discrepancy

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from schuler.curves.wavelet_variance import WaveletVarianceCurve
+from schuler.estimation.curve_fit import limits_of
 from schuler.estimation.gmwm.moments import MomentFit
-from schuler.estimation.gmwm.scatter import pooled_points
+from schuler.estimation.gmwm.scatter import pooled_points, pooled_scatter
 from schuler.estimation.identification import FitDiagnostics, Identification
+from schuler.estimation.parts import estimates_of
 from schuler.estimation.record import judge_record
 from schuler.estimation.slopes import slope_method
 from schuler.noise import GaussMarkov, ProcessSum
@@ -63,30 +65,21 @@ def describe_fit(
     from scipy.special import chdtrc
 
     process = fit.process
-    errors: dict[str, float] = {}
-    intervals: dict[str, tuple[float, float]] = {}
-    limits: dict[str, float] = {}
-    for j, (k, name) in enumerate(fit.names):
-        key = f"{process.names[k]}.{name}"
-        value = abs(float(getattr(fit.parts[k], name)))
-        spread = min(math.sqrt(float(fit.log_covariance[j, j])), 50.0)
-        errors[key] = min(value * spread, 1e3 * value)
-        intervals[key] = (value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread))
-        if spread > 2.0:
-            limits[key] = value * math.exp(min(1.645 * spread, 20.0))
-    longest = max(curves, key=lambda c: c.samples)
+    found = estimates_of(fit.parts, fit.names, fit.log_covariance)
     points = pooled_points(curves)
+    absent = limits_of(fit, points, pooled_scatter(process, curves, points))
+    longest = max(curves, key=lambda c: c.samples)
     shown = longest.allan
-    p_value = float(chdtrc(max(fit.degrees_of_freedom, 1), fit.chi_square))
-    model = process.wavelet_variance(points.tau)
+    p_value = float(chdtrc(max(fit.degrees_of_freedom, 1), fit.cost))
+    model = 0.5 * points.of(process)
     return GmwmIdentification(
         process=process,
-        standard_errors=errors,
-        intervals=intervals,
-        limits=limits,
+        standard_errors=found.errors,
+        intervals=found.intervals,
+        limits={**absent, **found.limits},
         curve=shown,
         diagnostics=FitDiagnostics(
-            chi_square=fit.chi_square,
+            chi_square=fit.cost,
             degrees_of_freedom=fit.degrees_of_freedom,
             discrepancy=0.5 * granted,
             tau=points.tau,
@@ -95,7 +88,7 @@ def describe_fit(
             converged=fit.converged,
         ),
         slopes=slope_method(shown),
-        verdict=judge_record(process, errors, math.fsum(c.duration for c in curves)),
+        verdict=judge_record(process, found.errors, math.fsum(c.duration for c in curves)),
         wavelet=longest,
         p_value=p_value,
         wvic=fit.wvic,

@@ -9,29 +9,27 @@ import numpy as np
 
 from schuler.curves.confidence import allan_covariance
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, robust_inflation
-from schuler.estimation.curve_fit import CurvePoints, Scatter
-from schuler.noise import Process, ProcessSum, WhiteNoise
+from schuler.estimation.curve_fit import CurvePoints, Scatter, scattering
+from schuler.noise import Process, WhiteNoise
 from schuler.types import FloatArray
 
 _LOADING = 1e-3
-_QUIET = ("rate_ramp", "turn_on_bias", "sinusoid")
 
 
 def relative_covariance(process: Process, curve: WaveletVarianceCurve) -> FloatArray:
     """Covariance of an estimated wavelet variance over the product of its expectations."""
-    random = tuple(p for p in process.components if p.kind not in _QUIET)
-    noise: Process = ProcessSum(random) if random else WhiteNoise(1.0)
+    noise = scattering(process)
     dt, factors = 1.0 / curve.rate, curve.factors
     if curve.robust == "samples":
         added = WhiteNoise(math.sqrt(max(curve.excess_variance, 0.0) * dt))
         full = noise + added
         relative = allan_covariance(full, factors, curve.samples, dt)
-        share = full.wavelet_variance(curve.scale) / process.wavelet_variance(curve.scale)
+        share = curve.of(full) / curve.of(process)
         relative *= np.outer(share, share)
         # the sample variance of the drawn signal is replaced by the M-estimate
         white = curve.core_variance + curve.excess_variance
         own = curve.core_error**2 - 2.0 * white**2 / curve.samples
-        filters = 0.5 / factors / process.wavelet_variance(curve.scale)
+        filters = 0.5 / factors / curve.of(process)
         relative += own * np.outer(filters, filters)
         _keep_positive(relative)
     else:
@@ -86,15 +84,10 @@ def pooled_scatter(
     process: Process, curves: Sequence[WaveletVarianceCurve], points: CurvePoints
 ) -> Scatter:
     """Scatter of the logarithms of averaged curves, for the choice of the structure."""
-    from scipy.special import digamma, polygamma
-
     total = math.fsum(c.samples for c in curves)
     relative = np.zeros((points.tau.size, points.tau.size))
     for curve in curves:
         rows = np.searchsorted(curve.factors, points.factors)
         share = curve.samples / total
         relative += share**2 * relative_covariance(process, curve)[np.ix_(rows, rows)]
-    half = 1.0 / np.diag(relative)
-    stretch = np.sqrt(polygamma(1, half) * half)
-    sampling = relative * np.outer(stretch, stretch)
-    return Scatter.of(sampling, np.asarray(digamma(half) - np.log(half)))
+    return Scatter.of(relative)

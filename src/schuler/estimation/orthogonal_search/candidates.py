@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
-from schuler.estimation.series import Series, prepare
+from schuler.estimation.signals import Series, prepare
 from schuler.types import FloatArray, IntArray
 
 _BLOCK_NUMBERS = 2**18
@@ -79,7 +79,7 @@ class Signals:
 
     def blocks(self, candidates: Candidates, first: int) -> Iterator[FloatArray]:
         """Blocks of (1, candidates, signal) by sample, from sample `first` (from zero) on."""
-        from schuler.kernels.orthogonal_search import fill_candidates
+        from schuler.kernels.noise.orthogonal_search import fill_candidates
 
         width = max(256, _BLOCK_NUMBERS // (candidates.count + 2))
         work = np.ones((candidates.count + 2, width))

@@ -15,7 +15,7 @@ from schuler.estimation.residuals.tests import (
     residual_tests,
     robust_autocorrelation_band,
 )
-from schuler.noise import Process
+from schuler.noise import Process, ProcessSum
 from schuler.types import FloatArray
 
 LAGS = 40
@@ -159,7 +159,7 @@ def diagnose_residuals(
 
 def process_residuals(signal: ArrayLike, process: Process, rate: float) -> FloatArray:
     """One-step prediction errors of the Kalman filter that a process makes optimal."""
-    from schuler.kernels.prediction import kalman_states
+    from schuler.kernels.noise.prediction import kalman_states
 
     values = np.asarray(signal, dtype=np.float64)
     values = values - values.mean()
@@ -167,7 +167,7 @@ def process_residuals(signal: ArrayLike, process: Process, rate: float) -> Float
     scale = 2.0 ** round(math.log2(max(float(np.abs(values).max()), 1e-300)))
     values /= scale
     dt = 1.0 / rate
-    space = process.state_space(dt)
+    space = ProcessSum(process.coarser(0.43 * dt)).state_space(dt)
     if space.size == 0:
         return np.asarray(values * scale)
     start = space.initial_covariance / scale**2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
 from schuler.data.to_dict import ToDict, plain
 from schuler.errors import EstimationError, InputError
-from schuler.estimation.curve_fit import FREE
+from schuler.estimation.parts import parts_of_model
 from schuler.estimation.record import RecordVerdict, judge_record
 from schuler.estimation.result import fitted_to_dict
-from schuler.estimation.selection import PENALTY
+from schuler.estimation.selection import Choice
 from schuler.estimation.spectrum.likelihood import (
     SpectrumPoints,
     SpectrumStructureFit,
@@ -27,23 +27,13 @@ from schuler.estimation.spectrum.likelihood import (
     spectrum_points,
 )
 from schuler.estimation.spectrum.slopes import SpectrumReadings, spectrum_slopes
-from schuler.noise import (
-    BiasInstability,
-    GaussMarkov,
-    Process,
-    ProcessSum,
-    Quantization,
-    RandomWalk,
-    WhiteNoise,
-)
+from schuler.noise import Process, ProcessSum, Quantization, RandomWalk, WhiteNoise
 from schuler.types import FloatArray
 
 _FEWEST_POINTS = 8
-_MOST_GAUSS_MARKOVS = 3
 _SUSPICIOUS = 3.0
 _BAND_EDGE = 0.05
 _VANISHED = 1.5
-_ORDER = ("white_noise", "quantization", "gauss_markov", "random_walk")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +106,7 @@ class SpectrumFit(ToDict):
 def identify_spectrum(
     signal: ArrayLike,
     rate: float,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     *,
     segment: int | None = None,
     band: tuple[float, float] | None = None,
@@ -129,7 +119,7 @@ def identify_spectrum(
 
 def fit_spectrum(
     curve: SpectrumCurve,
-    model: Literal["auto", "classical"] | Process = "auto",
+    model: str | Process = "auto",
     *,
     band: tuple[float, float] | None = None,
 ) -> SpectrumFit:
@@ -146,7 +136,7 @@ def fit_spectrum(
             cure="record longer, or widen the band",
         )
     if model != "auto":
-        _structure(model, points)
+        checked_structure(_structure(model, points))
     points, fit, candidates, granted, left_out = _fit(points, model, band is None)
     dispersion, _ = _dispersion(fit, points)
     flags = [f for f in curve.flags if f == "trend"]
@@ -204,15 +194,7 @@ def _fit(
 
 
 def _structure(model: str | Process, points: SpectrumPoints) -> tuple[Process, ...]:
-    if isinstance(model, Process):
-        parts = model.components
-    elif model == "classical":
-        flicker = BiasInstability(1.0, 2.0 * points.dt, 10.0 * points.duration)
-        parts = (WhiteNoise(1.0), flicker, RandomWalk(1.0))
-    else:
-        raise InputError(f"model '{model}'", expected="'auto', 'classical' or a process")
-    checked_structure(parts)
-    return parts
+    return parts_of_model(model, points.dt, points.duration, "a spectrum")
 
 
 def _dispersion(fit: SpectrumStructureFit, points: SpectrumPoints) -> tuple[float, bool]:
@@ -223,7 +205,7 @@ def _dispersion(fit: SpectrumStructureFit, points: SpectrumPoints) -> tuple[floa
     expected = float(points.weight @ (np.log(shape) - digamma(shape)))
     expected *= 1.0 - len(fit.names) / points.frequency.size
     spread = math.sqrt(float(points.weight**2 @ (polygamma(1, shape) - 1.0 / shape)))
-    return fit.deviance / expected, (fit.deviance - expected) / spread > _SUSPICIOUS
+    return fit.cost / expected, (fit.cost - expected) / spread > _SUSPICIOUS
 
 
 def _errors(
@@ -238,7 +220,7 @@ def _errors(
         key = f"{names[k]}.{name}"
         errors[key] = min(value * spread, 1e3 * value)
         low, high = value * math.exp(-1.959964 * spread), value * math.exp(1.959964 * spread)
-        if spread > _VANISHED and name == FREE[fit.parts[k].kind][0]:
+        if spread > _VANISHED and name == fit.parts[k].size_name():
             # its square, in which the density is linear, is known even where it is not seen
             unseen = smallest_seen(fit, j, points)
             errors[key] = max(errors[key] if spread < 50.0 else 0.0, unseen)
@@ -247,69 +229,16 @@ def _errors(
     return errors, intervals
 
 
-def _criterion(fit: SpectrumStructureFit) -> float:
-    return fit.deviance + math.fsum(PENALTY[kind] for kind in fit.kinds)
-
-
-def _name(fit: SpectrumStructureFit) -> str:
-    return " + ".join(sorted(fit.kinds, key=_ORDER.index))
-
-
-def _gauss_markov_starts(points: SpectrumPoints) -> list[Process]:
-    corners = np.geomspace(2.0 * points.frequency[0], 0.2 * points.frequency[-1], 5)
-    times = 1.0 / (2.0 * math.pi * corners)
-    return [scaled_under(GaussMarkov(1.0, float(t)), points, 0.7) for t in times]
-
-
-def _grown(parts: Sequence[Process], points: SpectrumPoints) -> list[SpectrumStructureFit]:
-    kinds = [p.kind for p in parts]
-    singles = (RandomWalk(1.0), Quantization(1.0), WhiteNoise(1.0))
-    fits = [
-        fit_spectrum_structure([*parts, scaled_under(s, points, 0.7)], points)
-        for s in singles
-        if s.kind not in kinds
-    ]
-    if kinds.count("gauss_markov") < _MOST_GAUSS_MARKOVS:
-        tries = [
-            fit_spectrum_structure([*parts, start], points, iterations=4)
-            for start in _gauss_markov_starts(points)
-        ]
-        tries.sort(key=lambda f: f.deviance)
-        fits += [fit_spectrum_structure(f.parts, points) for f in tries[:2]]
-    return fits
-
-
-def _changed(best: SpectrumStructureFit, points: SpectrumPoints) -> list[SpectrumStructureFit]:
-    """One term less, or one exchanged for another."""
-    fits = []
-    for k in range(len(best.parts)):
-        rest = [*best.parts[:k], *best.parts[k + 1 :]]
-        if rest:
-            fits.append(fit_spectrum_structure(rest, points))
-            if best.kinds[k] in ("gauss_markov", "random_walk"):
-                fits += _grown(rest, points)
-    return fits
-
-
 def _choose(points: SpectrumPoints) -> tuple[SpectrumStructureFit, dict[str, float]]:
-    """Add the term that helps most while it is worth its penalty, then prune and exchange."""
-    best = fit_spectrum_structure([scaled_under(WhiteNoise(1.0), points)], points)
-    tried = {_name(best): _criterion(best)}
-    for _ in range(8):
-        grown = min(_grown(best.parts, points), key=_criterion)
-        tried[_name(grown)] = min(_criterion(grown), tried.get(_name(grown), math.inf))
-        if _criterion(grown) < _criterion(best):
-            best = grown
-            continue
-        changed = min(_changed(best, points), key=_criterion, default=best)
-        if _criterion(changed) >= _criterion(best) - 1e-3:
-            break
-        best = changed
-        tried[_name(best)] = _criterion(best)
-    ordered = sorted(best.parts, key=_place)
-    return fit_spectrum_structure(ordered, points), tried
+    """Choose the structure by the spectrum alone."""
 
+    def fit(parts: Sequence[Process], iterations: int = 60) -> SpectrumStructureFit:
+        return fit_spectrum_structure(parts, points, iterations)
 
-def _place(part: Process) -> tuple[int, float]:
-    time = part.correlation_time if isinstance(part, GaussMarkov) else 0.0
-    return _ORDER.index(part.kind), time
+    corners = np.geomspace(0.2 * points.frequency[-1], 2.0 * points.frequency[0], 5)
+    return Choice(
+        fit=fit,
+        start=lambda part: scaled_under(part, points, 0.7),
+        singles=(RandomWalk(1.0), Quantization(1.0), WhiteNoise(1.0)),
+        times=1.0 / (2.0 * math.pi * corners),
+    ).run()

@@ -16,15 +16,24 @@ from numpy.typing import NDArray
 
 from schuler.curves.spectrum import SpectrumCurve, group_covariance
 from schuler.errors import ModelError
-from schuler.estimation.curve_fit import FREE, free_parameters
-from schuler.noise import Process, ProcessSum
+from schuler.estimation.optimizer import Rules, Slopes, minimise
+from schuler.estimation.parts import (
+    FittedParts,
+    Names,
+    evaluate,
+    free_parameters,
+    log_bounds,
+    logs_of,
+    under,
+    with_logs,
+)
+from schuler.noise import Process
 from schuler.types import FloatArray
 
-_LINES = ("rate_ramp", "sinusoid", "turn_on_bias")
 _NODES = 8
 _WINDOWED_BINS = 16
-_STEP = 1e-4
 _NOTHING = 1e-9
+_RULES = Rules(gain=(1e-6, 1e-3), hold=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,99 +149,49 @@ def spectrum_points(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpectrumStructureFit:
-    """The best parameters of one structure.
+class SpectrumStructureFit(FittedParts):
+    """The best parameters of one structure, correlation of points in their covariance.
+
+    The cost is the deviance: twice the log likelihood short of that of a perfect fit.
 
     Parameters
     ----------
-    parts : tuple of Process
-        Fitted.
-    names : tuple of (int, str)
-        Part and field of every free parameter.
-    log_covariance : (p, p) ndarray
-        Covariance of the logarithms of the free parameters, correlation of points included.
-    deviance : float
-        Twice the log likelihood short of that of a perfect fit.
     ratio : (b,) ndarray
         Measured over modelled density.
-    converged : bool
-        The iteration ended by itself.
     """
 
-    parts: tuple[Process, ...]
-    names: tuple[tuple[int, str], ...]
-    log_covariance: FloatArray
-    deviance: float
     ratio: FloatArray
-    converged: bool
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds of the parts."""
-        return tuple(p.kind for p in self.parts)
-
-    @property
-    def process(self) -> ProcessSum:
-        """The fitted sum."""
-        return ProcessSum(self.parts)
 
 
 def scaled_under(part: Process, points: SpectrumPoints, share: float = 0.5) -> Process:
     """Give a part the amplitude at which it is nowhere above a share of the density."""
-    amplitude = FREE[part.kind][0]
-    unit = replace(part, **{amplitude: 1.0})  # type: ignore[type-var]
-    shape = np.maximum(points.expected(unit), 1e-300)
+
     # single points at low frequencies may be low by chance
-    logs = np.log(points.density / shape)
-    smooth = np.convolve(np.pad(logs, 2, mode="edge"), np.full(5, 0.2), mode="valid")
-    size = math.sqrt(share) * math.exp(0.5 * float(np.min(smooth)))
-    return replace(part, **{amplitude: size})  # type: ignore[type-var]
+    def smooth(values: FloatArray) -> FloatArray:
+        logs = np.log(np.maximum(values, 1e-300))
+        return np.convolve(np.pad(logs, 2, mode="edge"), np.full(5, 0.2), mode="valid")
+
+    return under(
+        part,
+        np.exp(smooth(points.density)),
+        lambda unit: np.exp(smooth(points.expected(unit))),
+        share,
+    )
 
 
-def checked_structure(parts: Sequence[Process]) -> tuple[tuple[int, str], ...]:
+def checked_structure(parts: Sequence[Process]) -> Names:
     """Return the free parameters of a structure that a spectrum can show."""
     for part in parts:
-        if part.kind in _LINES:
+        if not part.random:
             raise ModelError(
                 f"a spectrum does not show '{part.kind}'",
                 expected="noise",
                 cure="identify with method='allan', or take it off the signal first",
             )
-        if part.kind not in FREE:
-            raise ModelError(f"'{part.kind}' is not fitted to a spectrum", expected=", ".join(FREE))
     names = free_parameters(parts)
     if not names:
         raise ModelError("the model has no parameter that a spectrum shows")
     return names
-
-
-def _with(
-    parts: Sequence[Process], names: Sequence[tuple[int, str]], logs: FloatArray
-) -> list[Process]:
-    out = list(parts)
-    for (k, name), log in zip(names, logs, strict=True):
-        out[k] = replace(out[k], **{name: math.exp(log)})  # type: ignore[type-var]
-    return out
-
-
-def _evaluate(
-    parts: Sequence[Process],
-    names: Sequence[tuple[int, str]],
-    logs: FloatArray,
-    points: SpectrumPoints,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the model (b,) and the Jacobian of its logarithm (b, p)."""
-    now = _with(parts, names, logs)
-    components = [points.expected(p) for p in now]
-    total = np.maximum(np.sum(components, axis=0), 1e-300)
-    jacobian = np.empty((total.size, len(names)))
-    for j, (k, name) in enumerate(names):
-        if name == FREE[now[k].kind][0]:
-            jacobian[:, j] = 2.0 * components[k] / total
-        else:
-            moved = replace(now[k], **{name: math.exp(logs[j] + _STEP)})  # type: ignore[type-var]
-            jacobian[:, j] = (points.expected(moved) - components[k]) / (_STEP * total)
-    return total, jacobian
 
 
 def fit_spectrum_structure(
@@ -240,37 +199,22 @@ def fit_spectrum_structure(
 ) -> SpectrumStructureFit:
     """Maximise the likelihood over the logarithms of the parameters by Fisher scoring."""
     names = checked_structure(parts)
-    logs = np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
-    times = np.array([n == "correlation_time" for _, n in names], dtype=bool)
-    low, high = math.log(points.dt), math.log(20.0 * points.duration)
 
-    def deviance(model: FloatArray) -> float:
+    def slopes(logs: FloatArray) -> Slopes[tuple[FloatArray, FloatArray]]:
+        model, jacobian = evaluate(parts, names, logs, points.expected)
+        model = np.maximum(model, 1e-300)
+        jacobian = jacobian / model[:, None]
         ratio = points.density / model
-        return float(points.weight @ (ratio - 1.0 - np.log(ratio)))
-
-    model, jacobian = _evaluate(parts, names, logs, points)
-    cost, damping, converged = deviance(model), 1e-2, False
-    for _ in range(iterations):
+        deviance = float(points.weight @ (ratio - 1.0 - np.log(ratio)))
         weighted = points.weight[:, None] * jacobian
-        normal = weighted.T @ jacobian
-        gradient = weighted.T @ (points.density / model - 1.0)
-        scale = np.diag(np.maximum(np.diag(normal), 1e-8))
-        trial = logs + np.clip(np.linalg.solve(normal + damping * scale, gradient), -1.5, 1.5)
-        trial[times] = np.clip(trial[times], low, high)
-        model_there, jacobian_there = _evaluate(parts, names, trial, points)
-        there = deviance(model_there)
-        if there <= cost:
-            gained, cost, logs = cost - there, there, trial
-            model, jacobian = model_there, jacobian_there
-            damping = max(0.1 * damping, 1e-9)
-            if gained < 1e-6 * (1.0 + 1e-3 * cost):
-                converged = True
-                break
-        else:
-            damping *= 10.0
-            if damping > 1e10:
-                converged = True
-                break
+        return Slopes(
+            deviance, weighted.T @ (ratio - 1.0), weighted.T @ jacobian, (ratio, jacobian)
+        )
+
+    bounds = log_bounds(parts, names, points.dt, points.duration)
+    rules = replace(_RULES, iterations=iterations)
+    found = minimise(slopes, logs_of(parts, names), bounds, rules)
+    ratio, jacobian = found.slopes.state
     half = 0.5 * points.weight[:, None] * jacobian
     information = half.T @ jacobian + np.diag(np.full(len(names), _NOTHING))
     inverse = np.linalg.inv(information)
@@ -278,21 +222,21 @@ def fit_spectrum_structure(
     # what the spectrum says nothing about keeps a very large variance
     covariance += _NOTHING * inverse @ inverse
     return SpectrumStructureFit(
-        parts=tuple(_with(parts, names, logs)),
+        parts=with_logs(parts, names, found.at),
         names=names,
         log_covariance=np.asarray(covariance, dtype=np.float64),
-        deviance=cost,
-        ratio=points.density / model,
-        converged=converged,
+        cost=found.value,
+        converged=found.converged,
+        ratio=ratio,
     )
 
 
 def smallest_seen(fit: SpectrumStructureFit, index: int, points: SpectrumPoints) -> float:
     """Return the amplitude at which a term would just begin to show."""
-    k, name = fit.names[index]
-    unit = replace(fit.parts[k], **{name: 1.0})  # type: ignore[type-var]
-    logs = np.array([math.log(max(abs(getattr(fit.parts[i], n)), 1e-300)) for i, n in fit.names])
-    model, jacobian = _evaluate(fit.parts, fit.names, logs, points)
+    k, _ = fit.names[index]
+    unit = fit.parts[k].with_size(1.0)
+    model, jacobian = evaluate(fit.parts, fit.names, fit.logs, points.expected)
+    jacobian = jacobian / model[:, None]
     root = np.sqrt(0.5 * points.weight)
     column = root * points.expected(unit) / model
     size = float(np.linalg.norm(column))

@@ -1,121 +1,135 @@
-"""Aiding measurements: what GNSS says about position and velocity, on the time axis of the IMU.
-
-An aiding source turns a recording into rows of a schedule; the filter kernel knows how each kind
-of row is compared with the state (kernels/update.py).
-"""
+"""What GNSS says about position and velocity, on the time axis of the IMU."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording
 from schuler.errors import InputError, NavigationError
+from schuler.navigation.aiding.schedule import (
+    POSITION,
+    VELOCITY,
+    AidingSchedule,
+    schedule_rows,
+)
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.types import FloatArray
 
-POSITION = 0
-VELOCITY = 1
-VEHICLE_VELOCITY = 2
-ZERO_VELOCITY = 3
-ZERO_RATE = 4
-LINEAR = 5
-HEADING = 6
-MAGNETIC_FIELD = 7
-BAROMETER = 8
-KIND_NAMES = (
-    "GNSS position",
-    "GNSS velocity",
-    "velocity across the vehicle",
-    "zero velocity",
-    "zero rate",
-    "linear function of sensor states",
-    "heading",
-    "magnetic field",
-    "height by barometer",
-)
-# a velocity in vehicle axes that was measured forward, not supposed across
-WHEEL_SPEED_NAME = "speed from wheel vibration"
+LEAST_WHITE = 0.02
+"""Share of a receiver's variance that is white noise at least."""
+SLOW_SHAPE = np.array([1.0, 1.0, 1.5])
+"""Slow errors of a receiver north, east and down, by the horizontal ones."""
 
 
-def _none() -> NDArray[np.int64]:
-    return np.empty(0, dtype=np.int64)
-
-
-def _no_matrices() -> FloatArray:
-    return np.empty((0, 3, 0))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AidingSchedule:
-    """Measurements in the order of their time.
+@dataclass(frozen=True, slots=True)
+class CorrelatedGnss:
+    """Errors of GNSS positions that last: multipath, orbits, ambiguities held a little wrong.
 
     Parameters
     ----------
-    time : (u,) ndarray
-        Seconds on the IMU's axis.
-    kind : (u,) ndarray of int
-        Index into `KIND_NAMES`.
-    value : (u, 3) ndarray
-        In the units of the kind.
-    variance : (u, 3) ndarray
-        North, east, down; infinite where a component was not measured.
-    lever_arm : (u, 3) ndarray
-        Of the sensor from the IMU in the body frame, m.
-    offset_state : (u, 3) ndarray of int
-        For each component the place among the sensor states of an error that adds to what is
-        measured (a Gauss-Markov error of GNSS, a barometer's bias); -1, and left out: none.
-    matrix : (u,) ndarray of int
-        Which of `matrices` belongs to a measurement of kind `LINEAR`; -1 elsewhere.
-    matrices : (t, 3, m) ndarray
-        G of the measurements z = G x + noise of the m sensor states x (true values), value z,
-        `variance` of the noise. More than three rows are several measurements at one time;
-        correlated noise has to be whitened before.
+    sigma : float
+        Horizontal standard deviation of the slow part, m; the vertical is 1.5 times it.
+    correlation_time : float
+        Seconds.
+    place : int
+        Of the first of its three states (north, east, down); -1: not placed.
+
+    Notes
+    -----
+    A receiver's own deviation is taken as that of both parts together: what is left for the white
+    part is its square less that of the slow part, and at least 2 % of it.
     """
 
-    time: FloatArray
-    kind: NDArray[np.int64]
-    value: FloatArray
-    variance: FloatArray
-    lever_arm: FloatArray
-    offset_state: NDArray[np.int64] = field(default_factory=_none)
-    matrix: NDArray[np.int64] = field(default_factory=_none)
-    matrices: FloatArray = field(default_factory=_no_matrices)
+    sigma: float
+    correlation_time: float
+    place: int = -1
+
+    def placed(self, model: SensorErrorModel) -> tuple[SensorErrorModel, CorrelatedGnss]:
+        """Return the model with the three states, and this with their place.
+
+        Raises
+        ------
+        InputError
+            Numbers that are not positive.
+        """
+        if not (self.sigma > 0.0 and self.correlation_time > 0.0):
+            raise InputError(
+                f"slow errors of {self.sigma:g} m over {self.correlation_time:g} s",
+                expected="two positive numbers",
+            )
+        wider = model.with_states(
+            [f"GNSS error {d}" for d in ("north", "east", "down")],
+            self.sigma * SLOW_SHAPE,
+            correlation_time=self.correlation_time,
+        )
+        return wider, replace(self, place=model.size)
+
+    def applied(self, schedule: AidingSchedule) -> AidingSchedule:
+        """Return positions whose slow part is a state and whose noise is the rest."""
+        slow = (self.sigma * SLOW_SHAPE) ** 2
+        white = np.maximum(schedule.variance - slow, LEAST_WHITE * schedule.variance)
+        offset = np.tile(self.place + np.arange(3), (schedule.size, 1))
+        return replace(schedule, variance=white, offset_state=offset)
+
+
+@dataclass(frozen=True, slots=True)
+class GnssErrorModel:
+    """Errors of GNSS positions, split into what is white and what lasts, as shares of the claim.
+
+    What a receiver claims is split: states of unit variance are seen with the slow share of it,
+    and follow it from epoch to epoch (fixed, float); the rest is white noise. The sum is the
+    receiver's word unless the drive speaks against it.
+
+    Parameters
+    ----------
+    white, slow : float
+        Shares of the claimed variance.
+    correlation_time : float
+        Of the slow part, s.
+    fit : bool
+        Whether the innovations of the drive decide on shares and time; they start at these.
+    place : int
+        Of the first of its three states (north, east, down); -1: not placed.
+    """
+
+    white: float = 0.36
+    slow: float = 0.64
+    correlation_time: float = 60.0
+    fit: bool = True
+    place: int = -1
 
     def __post_init__(self) -> None:
-        if self.offset_state.size == 0:
-            object.__setattr__(self, "offset_state", np.full((self.size, 3), -1, dtype=np.int64))
-        if self.matrix.size == 0:
-            object.__setattr__(self, "matrix", np.full(self.size, -1, dtype=np.int64))
+        if not (self.white > 0.0 and self.slow >= 0.0 and self.correlation_time > 0.0):
+            raise InputError(
+                f"shares of {self.white:g} and {self.slow:g} over {self.correlation_time:g} s",
+                expected="a positive white share and correlation time, a slow share of 0 or more",
+            )
 
-    @property
-    def size(self) -> int:
-        """Number of measurements."""
-        return int(self.time.size)
+    def placed(self, model: SensorErrorModel) -> tuple[SensorErrorModel, GnssErrorModel]:
+        """Return the model with the three states, and this with their place."""
+        names = [f"GNSS error {d}, of its claim" for d in ("north", "east", "down")]
+        wider = model.with_states(names, 1.0, correlation_time=self.correlation_time)
+        return wider, replace(self, place=model.size)
 
-    def select(self, keep: NDArray[np.bool_] | slice) -> AidingSchedule:
-        """Return some of the measurements."""
+    def in_model(self, model: SensorErrorModel) -> SensorErrorModel:
+        """Return a model in which its states are with another correlation time of theirs."""
+        drift, diffusion = model.drift.copy(), model.diffusion.copy()
+        own = slice(self.place, self.place + 3)
+        drift[own, 0] = -1.0 / self.correlation_time
+        diffusion[own, 0] = 2.0 / self.correlation_time
+        return replace(model, drift=drift, diffusion=diffusion)
+
+    def applied(self, schedule: AidingSchedule) -> AidingSchedule:
+        """Return positions whose slow part is a state and whose noise is the white share."""
         return replace(
-            self,
-            time=self.time[keep],
-            kind=self.kind[keep],
-            value=self.value[keep],
-            variance=self.variance[keep],
-            lever_arm=self.lever_arm[keep],
-            offset_state=self.offset_state[keep],
-            matrix=self.matrix[keep],
+            schedule,
+            variance=self.white * schedule.variance,
+            offset_state=np.tile(self.place + np.arange(3), (schedule.size, 1)),
+            offset_scale=np.sqrt(self.slow * schedule.variance),
         )
-
-
-class Aiding(Protocol):
-    """Anything that can tell the filter something about its state."""
-
-    def rows(self) -> AidingSchedule:
-        """Return its measurements; they need not be sorted."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,23 +146,27 @@ class GnssPosition:
         Added to GNSS time to get the time on the IMU's axis, s.
     sd_factor : float
         Multiplies the receiver's own standard deviations.
+    slow : CorrelatedGnss, GnssErrorModel or None
+        Errors that last, whose states are placed.
     """
 
     recording: GnssRecording
     lever_arm: ArrayLike = (0.0, 0.0, 0.0)
     time_offset: float = 0.0
     sd_factor: float = 1.0
+    slow: CorrelatedGnss | GnssErrorModel | None = None
 
     def rows(self) -> AidingSchedule:
         """Return one row an epoch."""
         sd = _known(self.recording.position_sd, self.recording, "position")
-        return _schedule(
+        rows = schedule_rows(
             self.recording.time + self.time_offset,
             POSITION,
             self.recording.position,
-            sd * self.sd_factor,
-            self.lever_arm,
+            (sd * self.sd_factor) ** 2,
+            lever_arm=_arm(self.lever_arm),
         )
+        return rows if self.slow is None else self.slow.applied(rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,77 +180,12 @@ class GnssVelocity:
 
     def rows(self) -> AidingSchedule:
         """Return one row an epoch, none if the receiver gave no velocity."""
-        velocity = self.recording.velocity
+        arm, velocity = _arm(self.lever_arm), self.recording.velocity
         if velocity is None:
-            return _schedule(
-                np.empty(0), VELOCITY, np.empty((0, 3)), np.empty((0, 3)), self.lever_arm
-            )
+            return schedule_rows(np.empty(0), VELOCITY, np.empty((0, 3)), np.empty((0, 3)))
         sd = _known(self.recording.velocity_sd, self.recording, "velocity")
-        return _schedule(
-            self.recording.time + self.time_offset,
-            VELOCITY,
-            velocity,
-            sd * self.sd_factor,
-            self.lever_arm,
-        )
-
-
-def merge_schedules(parts: Sequence[AidingSchedule], start: float, stop: float) -> AidingSchedule:
-    """Sort several schedules into one and keep what falls inside the IMU's time."""
-    time = np.concatenate([p.time for p in parts])
-    order = np.argsort(time, kind="stable")
-    order = order[(time[order] >= start) & (time[order] <= stop)]
-    tables = [p.matrices for p in parts if p.matrices.size]
-    before = np.cumsum([0, *(len(p.matrices) if p.matrices.size else 0 for p in parts)])
-    matrix = [
-        np.where(p.matrix >= 0, p.matrix + k, -1) for p, k in zip(parts, before, strict=False)
-    ]
-    return AidingSchedule(
-        time=np.ascontiguousarray(time[order]),
-        kind=np.concatenate([p.kind for p in parts])[order],
-        value=np.concatenate([p.value for p in parts])[order],
-        variance=np.concatenate([p.variance for p in parts])[order],
-        lever_arm=np.concatenate([p.lever_arm for p in parts])[order],
-        offset_state=np.concatenate([p.offset_state for p in parts])[order],
-        matrix=np.concatenate(matrix)[order],
-        matrices=np.concatenate(tables) if tables else _no_matrices(),
-    )
-
-
-def linear_measurements(
-    time: ArrayLike, value: ArrayLike, matrix: ArrayLike, covariance: ArrayLike
-) -> AidingSchedule:
-    """Measure linear functions of the sensor states: z = G x + noise. Spec 7.5."""
-    when = np.atleast_1d(np.asarray(time, dtype=np.float64))
-    z = np.atleast_2d(np.asarray(value, dtype=np.float64))
-    g = np.atleast_2d(np.asarray(matrix, dtype=np.float64))
-    rows, count = g.shape[0], when.size
-    if z.shape != (count, rows) or np.shape(covariance) != (rows, rows):
-        raise InputError(
-            f"values of shape {z.shape}, a matrix of {g.shape}, a covariance of "
-            f"{np.shape(covariance)} at {count} times",
-            expected="(times, r), (r, states) and (r, r)",
-        )
-    try:
-        whiten = np.linalg.inv(np.linalg.cholesky(np.asarray(covariance, dtype=np.float64)))
-    except np.linalg.LinAlgError as error:
-        raise InputError(
-            "the covariance of a linear measurement is not positive definite",
-            expected="independent rows, each with noise",
-        ) from error
-    parts = -(-rows // 3)
-    table, values = np.zeros((3 * parts, g.shape[1])), np.zeros((count, 3 * parts))
-    variance = np.full((count, 3 * parts), np.inf)
-    table[:rows], values[:, :rows], variance[:, :rows] = whiten @ g, z @ whiten.T, 1.0
-    return AidingSchedule(
-        time=np.repeat(when, parts),
-        kind=np.full(count * parts, LINEAR, dtype=np.int64),
-        value=values.reshape(-1, 3),
-        variance=variance.reshape(-1, 3),
-        lever_arm=np.zeros((count * parts, 3)),
-        matrix=np.tile(np.arange(parts), count),
-        matrices=table.reshape(parts, 3, -1),
-    )
+        time = self.recording.time + self.time_offset
+        return schedule_rows(time, VELOCITY, velocity, (sd * self.sd_factor) ** 2, lever_arm=arm)
 
 
 def require_overlap(gnss: GnssRecording, start: float, stop: float) -> None:
@@ -247,19 +200,11 @@ def require_overlap(gnss: GnssRecording, start: float, stop: float) -> None:
         )
 
 
-def _schedule(
-    time: FloatArray, kind: int, value: FloatArray, sd: FloatArray, lever_arm: ArrayLike
-) -> AidingSchedule:
+def _arm(lever_arm: ArrayLike) -> FloatArray:
     arm = np.asarray(lever_arm, dtype=np.float64)
     if arm.shape != (3,) or not np.isfinite(arm).all():
         raise InputError(f"lever arm is {lever_arm!r}", expected="three finite numbers in m")
-    return AidingSchedule(
-        time=time,
-        kind=np.full(time.size, kind, dtype=np.int64),
-        value=value,
-        variance=sd**2,
-        lever_arm=np.tile(arm, (time.size, 1)),
-    )
+    return arm
 
 
 def _known(sd: FloatArray | None, recording: GnssRecording, what: str) -> FloatArray:

@@ -37,6 +37,8 @@ __all__ = [
 
 # the rate of an IMU is seldom exactly what its maker says: this much away is still the interval
 SAME_INTERVAL = 0.01
+FASTEST_FLICKER = 1.0
+"""Seconds: correlation time of the first Gauss-Markov noise of a flicker sum in a filter."""
 
 
 def sensor_error_model(
@@ -58,7 +60,8 @@ def sensor_error_model(
     white = np.zeros(6)
     for c, name in enumerate(FILTER_CHANNELS):
         turn_on = turn_on_accel if c < 3 else turn_on_gyro
-        parts = list(noise_model.process(name).components)
+        # flicker faster than a second acts as white noise on a filter
+        parts = list(noise_model.process(name).coarser(FASTEST_FLICKER))
         held = [p for p in parts if not isinstance(p, Quantization)]
         ignored += [f"{name} quantisation" for p in parts if isinstance(p, Quantization)]
         found = [
@@ -222,3 +225,18 @@ def _stack(
         ignored=tuple(ignored),
         blocks=tuple(blocks),
     )
+
+
+# switch-on constants of consumer MEMS: 30 mg, 0.5 deg/s
+TURN_ON_ACCEL = 0.3
+TURN_ON_GYRO = float(np.radians(0.5))
+
+
+def generic_noise_model() -> NoiseModel:
+    """Where tuning starts when nobody says anything about the sensor: a consumer MEMS in a car."""
+    from schuler.noise import RandomWalk, WhiteNoise
+
+    accel = WhiteNoise(5e-3) + RandomWalk(5e-4)
+    gyro = WhiteNoise(1e-3) + RandomWalk(2e-5)
+    processes = {f"{s}_{a}": p for s, p in (("gyro", gyro), ("accel", accel)) for a in "xyz"}
+    return NoiseModel(processes=processes, source="generic consumer MEMS, to be tuned")

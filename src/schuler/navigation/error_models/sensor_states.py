@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from schuler.data import CHANNELS
 from schuler.errors import ModelError
+from schuler.kernels.navigation.filter_data import SensorModel
 from schuler.types import FloatArray, IntArray
 
 # the filter counts accelerometers first, as they drive the velocity
@@ -50,34 +51,6 @@ class DiscreteBlock:
     def size(self) -> int:
         """Number of states p."""
         return len(self.transition)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class KernelLayout:
-    """The same states as kernels/transition.py wants them; w is the size of the largest block.
-
-    Parameters
-    ----------
-    channel, scaled_by : (m,) ndarray of int
-        As in `SensorErrorModel`.
-    direction : (m, 3) ndarray
-        As in `SensorErrorModel`.
-    block : (m, 2) ndarray of int
-        Start and size of the block of each state.
-    interval : (m,) ndarray
-        Of discrete blocks, s; 0 for states in continuous time.
-    drift, diffusion : (m, w) ndarray
-        Rows of the blocks' matrices: rates and noise densities, or transition and noise
-        covariance over one interval.
-    """
-
-    channel: IntArray
-    direction: FloatArray
-    scaled_by: IntArray
-    block: IntArray
-    interval: FloatArray
-    drift: FloatArray
-    diffusion: FloatArray
 
 
 def _no_integers() -> IntArray:
@@ -246,7 +219,7 @@ class SensorErrorModel:
             scaled_by=more(self.scaled_by, scaled_by),
         )
 
-    def layout(self) -> KernelLayout:
+    def layout(self) -> SensorModel:
         """Return the states as the kernels want them."""
         m = self.size
         widest = max([1, *(b.size for b in self.blocks)])
@@ -267,14 +240,17 @@ class SensorErrorModel:
             interval[own] = b.interval
             drift[own, : b.size] = b.transition
             diffusion[own, : b.size] = b.noise_covariance
-        return KernelLayout(
-            channel=np.ascontiguousarray(self.channel),
-            direction=np.ascontiguousarray(self.direction),
-            scaled_by=np.ascontiguousarray(self.scaled_by),
+        return SensorModel(
+            channel=np.array(self.channel, dtype=np.int64),
+            direction=np.array(self.direction, dtype=np.float64, order="C"),
+            scaled_by=np.array(self.scaled_by, dtype=np.int64),
             block=np.ascontiguousarray(block),
             interval=interval,
             drift=drift,
             diffusion=diffusion,
+            white=np.ascontiguousarray(self.white_covariance),
+            discrete=bool(np.any(interval > 0.0)),
+            modulated=bool(np.any(self.scaled_by >= 0)),
         )
 
 

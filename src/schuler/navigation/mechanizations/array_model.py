@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.arrays.synthesis.least_squares import least_squares
-from schuler.data.array import Mounting
+from schuler.data import Mounting
 from schuler.errors import InputError, ModelError
 from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, SensorErrorModel
 from schuler.noise.noise_model import NoiseModel

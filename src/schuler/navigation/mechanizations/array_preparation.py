@@ -8,25 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from schuler.arrays.synthesis.fused_noise import combine_noise_models
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.array import ImuArray
-from schuler.errors import NavigationError
-from schuler.navigation.error_models.generic_noise import (
-    TURN_ON_ACCEL,
-    TURN_ON_GYRO,
+from schuler.navigation.aiding.parity import Parity
+from schuler.navigation.error_models.sensor_error_model import (
     generic_noise_model,
+    sensor_error_model,
 )
-from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import (
     Fusion,
     extended_model,
+    fused_model,
     fusion_of,
     noise_models_of,
     sensor_directions,
@@ -34,8 +31,9 @@ from schuler.navigation.mechanizations.array_model import (
 )
 from schuler.navigation.mechanizations.array_recording import complete_array, fused_recording
 from schuler.navigation.preparation.alignment import Alignment
-from schuler.navigation.preparation.prepare import Progress, prepare
+from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import RunSetup, SensorStart
+from schuler.navigation.settings import NavigationSettings, Progress
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -61,12 +59,8 @@ class PreparedArray:
         One for each IMU.
     setup : RunSetup
         From `prepare` on the fused recording.
-    lever_arm : (3,) ndarray
-        GNSS antenna from the origin of the body, m.
-    heading : float or None
-        Of the body at the start, rad, where it was given.
-    vehicle : (3, 3) ndarray or None
-        Vehicle from body, where it was given.
+    settings : NavigationSettings
+        What the user said; the body takes the place of the IMU.
     notes : tuple of str
         What was done to the array, in words.
     """
@@ -77,34 +71,51 @@ class PreparedArray:
     models: tuple[SensorErrorModel, ...]
     noise_models: tuple[NoiseModel, ...]
     setup: RunSetup
-    lever_arm: FloatArray
-    heading: float | None
-    vehicle: FloatArray | None
-    notes: tuple[str, ...]
+    settings: NavigationSettings
+    notes: tuple[str, ...] = ()
+
+    @property
+    def lever_arm(self) -> FloatArray:
+        """GNSS antenna from the origin of the body, m."""
+        return self.settings.arm
+
+    @property
+    def whole(self) -> bool:
+        """Whether the fused IMU has the stamps of the array: no gaps, no new starts."""
+        condition = self.setup.condition
+        return not (any(u.gap for u in condition.gaps) or condition.restarts)
 
     def sensor_start(self, *, each: bool = True) -> SensorStart:
         """Return what is known of all sensor states at the first sample."""
         return sensor_start(self.array, self.models, self.fusion, self.setup.alignment, each=each)
 
+    def synthetic_setup(self) -> RunSetup:
+        """Return the setup of the filter that knows what is left of the sensors when fused."""
+        base, merge = fused_model(self.models, self.fusion)
+        start = merged_start(self.sensor_start(each=False), merge)
+        return replace(self.setup, sensor_start=start).with_sensors(base)
+
+    def extended_setup(self, *, parity: bool) -> RunSetup:
+        """Return the setup of the filter that knows the errors of every sensor."""
+        base = extended_model(self.models, self.fusion, self.array.names)
+        start = self.sensor_start(each=parity)
+        own = replace(self.setup, sensor_start=start).with_sensors(base)
+        if not parity:
+            return own
+        source = Parity(self.array, self.fusion, self.models, own.model.size)
+        return replace(own, sources=(*own.sources, source))
+
 
 def prepare_array(
     array: ImuArray,
     gnss: GnssRecording,
-    noise_models: NoiseModel | Sequence[NoiseModel] | None = None,
-    *,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    heading: float | None = None,
-    mounting: FloatArray | None = None,
-    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
-    tune_noise: bool | None = None,
-    aiding: Sequence[str] = (),
-    turn_on_accel: float = TURN_ON_ACCEL,
-    turn_on_gyro: float = TURN_ON_GYRO,
+    noise_models: NoiseModel | Sequence[NoiseModel] | None,
+    settings: NavigationSettings,
     progress: Progress | None = None,
 ) -> PreparedArray:
     """Align, find time offsets and noise of the fused IMU."""
     whole, notes = complete_array(array)
-    tuned = noise_models is None if tune_noise is None else tune_noise
+    tuned = noise_models is None if settings.tune_noise is None else settings.tune_noise
     given = generic_noise_model() if noise_models is None else noise_models
     if not isinstance(given, NoiseModel) and len(given) == array.count != whole.count:
         kept = [array.names.index(name) for name in whole.names]
@@ -112,39 +123,25 @@ def prepare_array(
     noises = noise_models_of(given, whole.count)
     models = tuple(
         without_idle_states(
-            sensor_error_model(n, turn_on_accel=turn_on_accel, turn_on_gyro=turn_on_gyro)
+            sensor_error_model(
+                n, turn_on_accel=settings.turn_on_accel, turn_on_gyro=settings.turn_on_gyro
+            )
         )
         for n in noises
     )
     fusion = fusion_of(whole.mounting, models)
-    arm = np.asarray(lever_arm, dtype=np.float64)
-    recording, setup = prepare(
+    prepared = prepare_drive(
         fused_recording(whole, fusion),
         gnss,
         combine_noise_models(noises, {"gyro": fusion.gyro, "accel": fusion.accel}),
-        lever_arm=arm - fusion.centre,
-        heading=heading,
-        mounting=mounting,
-        time_offset=time_offset,
-        tune_noise=tuned,
-        aiding=aiding,
-        turn_on_accel=turn_on_accel,
-        turn_on_gyro=turn_on_gyro,
-        progress=progress,
+        replace(settings, lever_arm=settings.arm - fusion.centre, tune_noise=tuned),
+        progress,
     )
-    broken = [u for u in setup.condition.unseen if u.gap] or setup.condition.restarts
-    if broken:
-        raise NavigationError(
-            "; ".join(f.message for f in setup.condition.findings if f.kind == "gap"),
-            expected="an array recording without gaps",
-            cure="navigate the parts before and after by themselves",
-        )
+    recording, setup = prepared.imu, prepared.setup
     if recording.size != whole.size:
         after = np.nextafter(recording.time[-1], np.inf)
         whole = whole.between(float(recording.time[0]), float(after))
-    return PreparedArray(
-        whole, recording, fusion, models, noises, setup, arm, heading, mounting, notes
-    )
+    return PreparedArray(whole, recording, fusion, models, noises, setup, settings, notes)
 
 
 def sensor_start(

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.arrays.common_axes import require_common_axes
 from schuler.arrays.lever_arms import turning_tensor
+from schuler.arrays.redundant import refuse_copies
 from schuler.data import ImuRecording
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
@@ -49,7 +51,8 @@ def complete_array(array: ImuArray) -> tuple[ImuArray, tuple[str, ...]]:
             cure="cut the recording to where they are there",
         )
     kept = array if keep.all() else array.select(keep)
-    _refuse_copies(kept)
+    refuse_copies(kept)
+    require_common_axes(kept)
     filled, count = _fill(kept)
     if count:
         notes.append(f"{count} missing samples filled by what the other IMUs said")
@@ -69,24 +72,6 @@ def _why_left_out(time: FloatArray, missing: NDArray[np.bool_]) -> str:
         return f"is silent from {edges[worst]:.2f} to {edges[worst + 1]:.2f} s"
     share = float(missing.mean())
     return f"lacks {100.0 * share:.0f} % of its samples" if share > LARGEST_LOSS else ""
-
-
-def _refuse_copies(array: ImuArray) -> None:
-    for i in range(array.count):
-        for j in range(i):
-            for values in (array.gyro, array.accel):
-                a, b = values[:, i], values[:, j]
-                # in their own axes or turned into the body
-                turned_a = a @ array.mounting.rotation[i].T
-                turned_b = b @ array.mounting.rotation[j].T
-                near = 1e-9 * max(float(np.nanmax(np.abs(a))), 1e-12)
-                same = np.nanmax(np.abs(turned_a - turned_b)) <= near
-                if np.array_equal(a, b, equal_nan=True) or same:
-                    raise InputError(
-                        f"{array.names[i]} is a copy of {array.names[j]}",
-                        expected="sensors with noise of their own",
-                        cure=f"leave {array.names[i]} out: a copy adds no information",
-                    )
 
 
 def _fill(array: ImuArray) -> tuple[ImuArray, int]:

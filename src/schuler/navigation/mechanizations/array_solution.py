@@ -17,7 +17,9 @@ from schuler.types import FloatArray
 NO_ARM = 1e-9
 
 
-def moved(trajectory: Trajectory, arm: ArrayLike, rotation: FloatArray | None = None) -> Trajectory:
+def at_lever_arm(
+    trajectory: Trajectory, arm: ArrayLike, rotation: FloatArray | None = None
+) -> Trajectory:
     """Return the trajectory of another point of the body, in other axes."""
     lever = np.asarray(arm, dtype=np.float64)
     c_nb = trajectory.rotation
@@ -29,13 +31,13 @@ def moved(trajectory: Trajectory, arm: ArrayLike, rotation: FloatArray | None = 
     rate = np.concatenate([rate[:1], rate])
     return Trajectory(
         time=trajectory.time,
-        position=shifted(trajectory.position, c_nb @ lever),
+        position=offset_position(trajectory.position, c_nb @ lever),
         velocity=trajectory.velocity + np.einsum("kij,kj->ki", c_nb, np.cross(rate, lever)),
         rotation=turned,
     )
 
 
-def shifted(position: FloatArray, metres: FloatArray) -> FloatArray:
+def offset_position(position: FloatArray, metres: FloatArray) -> FloatArray:
     """Return positions moved by a few metres north, east, down."""
     north, east = earth.metres_per_radian(position)
     moved_by = np.stack([metres[:, 0] / north, metres[:, 1] / east, -metres[:, 2]], axis=-1)
@@ -43,12 +45,12 @@ def shifted(position: FloatArray, metres: FloatArray) -> FloatArray:
     return result
 
 
-def moved_solution(solution: NavigationSolution, arm: ArrayLike) -> NavigationSolution:
+def solution_at_lever_arm(solution: NavigationSolution, arm: ArrayLike) -> NavigationSolution:
     """Return a solution for another point of the body.
 
     The standard deviations stay: an arm of decimetres turns an attitude error into millimetres.
     """
-    return replace(solution, trajectory=moved(solution.trajectory, arm))
+    return replace(solution, trajectory=at_lever_arm(solution.trajectory, arm))
 
 
 def mean_trajectory(trajectories: Sequence[Trajectory], weight: FloatArray) -> Trajectory:

@@ -16,27 +16,31 @@ from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording, Innovations, NavigationSolution
 from schuler.data.array import ImuArray
-from schuler.errors import InputError
-from schuler.navigation.aiding.gnss import KIND_NAMES, AidingSchedule
-from schuler.navigation.aiding.vehicle import with_vehicle_states
-from schuler.navigation.engine import InitialState, gate_thresholds
-from schuler.navigation.error_models.generic_noise import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.errors import InputError, NavigationError
+from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
+from schuler.navigation.aiding.schedule import KIND_NAMES
+from schuler.navigation.engine import SMOOTHER_MEMORY, gate_thresholds
+from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.mechanizations.array_model import Fusion, extended_model, fused_model
+from schuler.navigation.mechanizations.array_model import Fusion, fused_model
 from schuler.navigation.mechanizations.array_preparation import (
     PreparedArray,
     merged_start,
     prepare_array,
     sensor_start,
 )
-from schuler.navigation.mechanizations.array_solution import mean_trajectory, moved, moved_solution
-from schuler.navigation.mechanizations.parity import Parity
+from schuler.navigation.mechanizations.array_solution import (
+    at_lever_arm,
+    mean_trajectory,
+    solution_at_lever_arm,
+)
 from schuler.navigation.mechanizations.stacked import CONSTRAINT, RigidBody, StackedRun, run_stack
 from schuler.navigation.mechanizations.system_level import Vote, vote
-from schuler.navigation.navigate import withhold
-from schuler.navigation.preparation.prepare import Progress, prepare
+from schuler.navigation.navigate import check_smoothing, withhold
+from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.run import FALSE_ALARM, run
+from schuler.navigation.run import run, run_record
+from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -84,7 +88,8 @@ def navigate_array(
     imu: int = 0,
     rigid: RigidBody | None = None,
     outages: Sequence[tuple[float, float]] = (),
-    smooth: bool = False,
+    smooth: bool | Literal["fixed-lag"] = False,
+    lag: float = 5.0,
     lever_arm: ArrayLike = (0.0, 0.0, 0.0),
     heading: float | None = None,
     mounting: FloatArray | None = None,
@@ -92,8 +97,10 @@ def navigate_array(
     tune_noise: bool | None = None,
     aiding: Sequence[str] = (),
     false_alarm: float = FALSE_ALARM,
+    smoother_memory: float = SMOOTHER_MEMORY,
     turn_on_accel: float = TURN_ON_ACCEL,
     turn_on_gyro: float = TURN_ON_GYRO,
+    measurements: MeasurementOptions = PLAIN,
     progress: Progress | None = None,
 ) -> ArrayNavigation:
     """Estimate the trajectory of a body that carries several IMUs and a GNSS antenna.
@@ -116,8 +123,10 @@ def navigate_array(
         Which one is used by "single".
     rigid : RigidBody or None
         How rigid the body is, for "constrained".
-    outages, smooth, heading, mounting, time_offset, tune_noise, aiding, false_alarm
-        As for `navigate`; the body takes the place of the IMU.
+    outages, smooth, lag, heading, mounting, time_offset, tune_noise, aiding, false_alarm,
+    smoother_memory, measurements
+        As for `navigate`; the body takes the place of the IMU. Several solutions side by side
+        ("constrained", "system") are causal and use GNSS alone.
     lever_arm : (3,) array_like
         GNSS antenna from the origin of the body, m.
     turn_on_accel, turn_on_gyro : float
@@ -138,22 +147,23 @@ def navigate_array(
     NavigationError
         As `navigate`.
     """
-    check_mechanization(mechanization, smooth=smooth, aiding=aiding)
-    used = withhold(gnss, outages) if outages else gnss
-    prepared = prepare_array(
-        array,
-        used,
-        noise_models,
+    check_smoothing(smooth)
+    settings = NavigationSettings(
         lever_arm=lever_arm,
         heading=heading,
         mounting=mounting,
         time_offset=time_offset,
         tune_noise=tune_noise,
         aiding=aiding,
+        false_alarm=false_alarm,
+        smoother_memory=smoother_memory,
         turn_on_accel=turn_on_accel,
         turn_on_gyro=turn_on_gyro,
-        progress=progress,
+        measurements=measurements,
     )
+    check_mechanization(mechanization, settings, smooth=bool(smooth))
+    used = withhold(gnss, outages) if outages else gnss
+    prepared = prepare_array(array, used, noise_models, settings, progress)
     if progress is not None:
         progress(f"filtering, {mechanization}")
     result = run_mechanization(
@@ -163,23 +173,31 @@ def navigate_array(
         parity=parity,
         imu=imu,
         rigid=rigid,
-        smooth=smooth,
-        false_alarm=false_alarm,
+        smooth=smooth is True,
+        lag=lag if smooth == "fixed-lag" else None,
     )
     result.solution.settings["outages"] = [list(w) for w in outages]
     return result
 
 
-def check_mechanization(name: str, *, smooth: bool, aiding: Sequence[str]) -> None:
+def check_mechanization(name: str, settings: NavigationSettings, *, smooth: bool) -> None:
     """Raise when a mechanization does not exist or cannot do what is asked."""
     if name not in MECHANIZATIONS:
         raise InputError(f"mechanization '{name}'", expected=" or ".join(MECHANIZATIONS))
-    if name in ("constrained", "system") and (smooth or aiding):
-        raise InputError(
-            f"{'smoothing' if smooth else 'vehicle constraints'} with the {name} mechanization",
-            expected="a causal solution with GNSS alone",
-            cure="take the synthetic or extended mechanization",
-        )
+    if name not in ("constrained", "system"):
+        return
+    asked = {
+        "smoothing": smooth,
+        "vehicle constraints": bool(settings.constraints),
+        "other sensors, slow errors or weights of GNSS": settings.measurements is not PLAIN,
+    }
+    for what, given in asked.items():
+        if given:
+            raise InputError(
+                f"{what} with the {name} mechanization",
+                expected="a causal solution with GNSS alone",
+                cure="take the synthetic or extended mechanization",
+            )
 
 
 def run_mechanization(
@@ -191,60 +209,27 @@ def run_mechanization(
     imu: int = 0,
     rigid: RigidBody | None = None,
     smooth: bool = False,
-    false_alarm: float = FALSE_ALARM,
+    lag: float | None = None,
 ) -> ArrayNavigation:
     """Run one mechanization on a prepared array. Parameters as for `navigate_array`."""
-    setup = prepared.setup
-    check_mechanization(
-        mechanization, smooth=smooth, aiding=() if setup.vehicle is None else ("vehicle",)
-    )
-    if mechanization == "single":
-        return _single(prepared, gnss, imu, smooth, false_alarm)
+    check_mechanization(mechanization, prepared.settings, smooth=smooth or lag is not None)
     if mechanization in ("constrained", "system"):
-        return _stacked(prepared, gnss, mechanization, rigid, false_alarm)
-    sources = setup.sources
-    start = prepared.sensor_start(each=parity and mechanization == "extended")
-    if mechanization == "synthetic":
-        base, merge = fused_model(prepared.models, prepared.fusion)
-        start = merged_start(start, merge)
+        return _stacked(prepared, gnss, mechanization, rigid)
+    told = _settings(prepared, mechanization)
+    recording, place = prepared.recording, prepared.fusion.centre
+    if mechanization == "single":
+        recording, own = single_setup(prepared, gnss, imu)
+        place = prepared.array.mounting.position[imu]
+        told["imu_used"] = prepared.array.names[imu]
+    elif mechanization == "synthetic":
+        own = prepared.synthetic_setup()
     else:
-        base = extended_model(prepared.models, prepared.fusion, prepared.array.names)
-    model, vehicle = setup.factors.applied(base), setup.vehicle
-    if vehicle is not None and vehicle.first_state >= 0:
-        vehicle = replace(vehicle, first_state=model.size)
-        model = with_vehicle_states(model)
-    if mechanization == "extended" and parity:
-        array, fusion = prepared.array, prepared.fusion
-        sources = (*sources, Parity(array, fusion, prepared.models, model.size))
-    own = replace(setup, model=model, sensor_start=start, sources=sources, vehicle=vehicle)
-    done = run(prepared.recording, gnss, own, smooth=smooth, false_alarm=false_alarm)
-    solution = done.smoothed if smooth and done.smoothed is not None else done.causal
-    solution = moved_solution(solution, -prepared.fusion.centre)
-    solution.settings.update(_settings(prepared, mechanization))
-    if mechanization == "extended":
-        solution.settings["parity_update"] = parity
-    return ArrayNavigation(mechanization, solution, prepared, model)
-
-
-def extended_run(
-    prepared: PreparedArray, gnss: GnssRecording, *, parity: bool
-) -> tuple[RunSetup, InitialState, AidingSchedule]:
-    """Return what the engine needs for the extended filter, to look at it from inside."""
-    setup = prepared.setup
-    base = extended_model(prepared.models, prepared.fusion, prepared.array.names)
-    model, sources = setup.factors.applied(base), setup.sources
-    if parity:
-        array, fusion = prepared.array, prepared.fusion
-        sources = (*sources, Parity(array, fusion, prepared.models, model.size))
-    own = replace(
-        setup,
-        model=model,
-        sensor_start=prepared.sensor_start(each=parity),
-        sources=sources,
-        vehicle=None,
-    )
-    initial = own.initial_state(prepared.recording, gnss)
-    return own, initial, own.schedule(prepared.recording, gnss)
+        own = prepared.extended_setup(parity=parity)
+        told["parity_update"] = parity
+    done = run(recording, gnss, own, smooth=smooth, lag=lag)
+    solution = solution_at_lever_arm(done.smoothed or done.lagged or done.causal, -place)
+    solution.settings.update(told)
+    return ArrayNavigation(mechanization, solution, prepared, own.model)
 
 
 def single_recording(array: ImuArray, imu: int) -> ImuRecording:
@@ -253,48 +238,38 @@ def single_recording(array: ImuArray, imu: int) -> ImuRecording:
     return replace(recording, gyro=recording.gyro @ c_bs.T, accel=recording.accel @ c_bs.T)
 
 
-def _single(
-    prepared: PreparedArray, gnss: GnssRecording, imu: int, smooth: bool, false_alarm: float
-) -> ArrayNavigation:
+def single_setup(
+    prepared: PreparedArray, gnss: GnssRecording, imu: int
+) -> tuple[ImuRecording, RunSetup]:
     """One IMU in the axes of the body, with its own alignment and the offsets of the array."""
     array, setup = prepared.array, prepared.setup
     if not 0 <= imu < array.count:
         raise InputError(f"IMU {imu}", expected=f"a number from 0 to {array.count - 1}")
-    recording = single_recording(array, imu)
-    place = array.mounting.position[imu]
-    vehicle = setup.vehicle
-    cut, own = prepare(
-        recording,
+    place, vehicle, settings = array.mounting.position[imu], setup.vehicle, prepared.settings
+    own = prepare_drive(
+        single_recording(array, imu),
         gnss,
         prepared.noise_models[imu],
-        lever_arm=prepared.lever_arm - place,
-        heading=prepared.heading,
-        time_offset=(setup.offsets.position, setup.offsets.velocity),
-        tune_noise=False,
-        mounting=prepared.vehicle if vehicle is None else vehicle.mounting,
-        aiding=() if vehicle is None else vehicle.constraints,
+        replace(
+            settings,
+            lever_arm=prepared.lever_arm - place,
+            time_offset=(setup.offsets.position, setup.offsets.velocity),
+            tune_noise=False,
+            mounting=settings.mounting if vehicle is None else vehicle.mounting,
+        ),
     )
     c_bs = array.mounting.rotation[imu]
     alone = Fusion(c_bs, c_bs, c_bs.T, place)
     turned, merge = fused_model((prepared.models[imu],), alone)
-    own_array = array.select([imu]).between(float(cut.time[0]), np.inf)
-    start = sensor_start(own_array, (prepared.models[imu],), alone, own.alignment)
-    model = setup.factors.applied(turned)
-    if own.vehicle is not None and own.vehicle.first_state >= 0:
-        own = replace(own, vehicle=replace(own.vehicle, first_state=model.size))
-        model = with_vehicle_states(model)
-    own = replace(
-        own,
-        model=model,
+    own_array = array.select([imu]).between(float(own.imu.time[0]), np.inf)
+    start = sensor_start(own_array, (prepared.models[imu],), alone, own.setup.alignment)
+    known = replace(
+        own.setup,
         factors=setup.factors,
         vibration=setup.vibration,
         sensor_start=merged_start(start, merge),
     )
-    done = run(cut, gnss, own, smooth=smooth, false_alarm=false_alarm)
-    solution = done.smoothed if smooth and done.smoothed is not None else done.causal
-    solution = moved_solution(solution, -place)
-    solution.settings.update(_settings(prepared, "single") | {"imu_used": array.names[imu]})
-    return ArrayNavigation("single", solution, prepared, model)
+    return own.imu, known.with_sensors(turned)
 
 
 def _stacked(
@@ -302,27 +277,36 @@ def _stacked(
     gnss: GnssRecording,
     mechanization: Mechanization,
     rigid: RigidBody | None,
-    false_alarm: float,
 ) -> ArrayNavigation:
+    """Several solutions side by side, tied by the body or averaged by a vote."""
+    if not prepared.whole:
+        raise NavigationError(
+            "; ".join(f.message for f in prepared.setup.condition.findings if f.kind == "gap"),
+            expected=f"an array recording without gaps for the {mechanization} mechanization",
+            cure="take the synthetic or extended mechanization, or navigate the parts before and "
+            "after by themselves",
+        )
     constrained = mechanization == "constrained"
     stack = run_stack(
         prepared,
         gnss,
         constrained=constrained,
-        gate=gate_thresholds(false_alarm),
+        gate=gate_thresholds(prepared.settings.false_alarm),
         weight=None if constrained else np.full(prepared.array.count, 1.0 / prepared.array.count),
         rigid=rigid,
     )
     mounting = prepared.array.mounting
     at_origin = [
-        moved(t, -(c.T @ place), c.T)
+        at_lever_arm(t, -(c.T @ place), c.T)
         for t, c, place in zip(
             stack.trajectories, mounting.rotation, mounting.position, strict=True
         )
     ]
     votes = None if constrained else vote(at_origin, stack.sd)
     weight = stack.weight if votes is None else votes.weight(stack.weight)
-    settings = _settings(prepared, mechanization) | {"gate_false_alarm": false_alarm}
+    innovations = _innovations(stack)
+    record = run_record(prepared.recording, gnss, prepared.setup, innovations)
+    settings = record | _settings(prepared, mechanization)
     if votes is not None:
         settings["share_outvoted"] = dict(
             zip(prepared.array.names, votes.share_outvoted.tolist(), strict=True)
@@ -343,11 +327,10 @@ def _stacked(
             for name, model in zip(prepared.array.names, prepared.models, strict=True)
             for state in model.names
         ),
-        innovations=_innovations(stack),
+        innovations=innovations,
         settings=settings,
         log_likelihood=stack.log_likelihood,
     )
-    solution.settings["nis_over_degrees"] = solution.innovations.gnss.mean_nis
     return ArrayNavigation(mechanization, solution, prepared, None, stack, votes)
 
 

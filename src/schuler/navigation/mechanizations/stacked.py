@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from schuler.data import GnssRecording, Trajectory
 from schuler.errors import InputError, NavigationError
-from schuler.navigation.aiding.gnss import VELOCITY
+from schuler.navigation.aiding.schedule import VELOCITY
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, own_factors
 from schuler.navigation.stepping import LONGEST_STEP, PATIENCE, InitialState
 from schuler.rotations import quaternion_from_dcm, skew
@@ -190,7 +190,7 @@ def run_stack(
     NavigationError
         The state stopped being finite.
     """
-    from schuler.kernels.stacked import run_stacked
+    from schuler.kernels.navigation.stacked import run_stacked
 
     rigid = rigid or RigidBody()
     array, setup = prepared.array, prepared.setup

@@ -20,7 +20,7 @@ from schuler.navigation.preparation.moving_start import (
     MOTION_GYRO_SD,
     MOTION_TILT_SD,
     attitude_history,
-    forgiving_model,
+    inflated_model,
     settle_heading,
     start_in_motion,
     velocity_doubt,
@@ -202,7 +202,7 @@ def _heading_from_motion(
 
 def _rest_starts(level: FloatArray, position: FloatArray) -> Callable[[float], InitialState]:
     """Initial state at rest for a heading of the levelled frame."""
-    model = forgiving_model()
+    model = inflated_model()
     covariance = np.zeros((9 + model.size, 9 + model.size))
     sd = [10.0, 10.0, 15.0, 0.1, 0.1, 0.1, _tilt_sd(), _tilt_sd(), 1e-3]
     covariance[:9, :9] = np.diag(np.square(sd))

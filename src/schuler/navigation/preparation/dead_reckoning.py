@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.data import ImuRecording
-from schuler.navigation.aiding.gnss import AidingSchedule
+from schuler.navigation.aiding.schedule import POSITION, schedule_rows
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_states import no_sensor_states
 from schuler.types import FloatArray
@@ -15,13 +15,7 @@ def dead_reckon(
     imu: ImuRecording, position: FloatArray, velocity: FloatArray, rotation: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate an IMU without any aiding."""
-    nothing = AidingSchedule(
-        np.empty(0),
-        np.empty(0, dtype=np.int64),
-        np.empty((0, 3)),
-        np.empty((0, 3)),
-        np.empty((0, 3)),
-    )
+    nothing = schedule_rows(np.empty(0), POSITION, np.empty((0, 3)), np.empty((0, 3)))
     start = InitialState(position, velocity, rotation, np.empty(0), np.zeros((9, 9)))
     run = run_engine(
         imu, start, no_sensor_states(), nothing, gate=gate_thresholds(0.0), keep_nodes=False

@@ -15,9 +15,10 @@ import numpy as np
 from schuler.data import CHANNELS, GnssRecording, ImuRecording
 from schuler.errors import InputError, SchulerError
 from schuler.navigation.engine import InitialState, gate_thresholds
-from schuler.navigation.preparation.headings import OUTLYING, stretch_to_filter
-from schuler.navigation.preparation.moving_start import forgiving_model, velocity_doubt
-from schuler.navigation.segments import run_in_pieces
+from schuler.navigation.innovation_likelihood import InnovationSequence
+from schuler.navigation.preparation.headings import decimated_inputs
+from schuler.navigation.preparation.moving_start import inflated_model, velocity_doubt
+from schuler.navigation.segments import run_in_segments
 from schuler.types import FloatArray
 
 DOUBTFUL = 0.8
@@ -73,11 +74,9 @@ def try_drive(
     velocity_offset: float,
 ) -> Trial:
     """Filter a drive with forgiving noise and say how its velocities fit GNSS."""
-    from schuler.navigation.tuning.likelihood import InnovationSequence
-
     doubt = velocity_doubt(gnss, lever_arm)
-    slow, schedule = stretch_to_filter(imu, gnss, lever_arm, velocity_offset, doubt)
-    model = forgiving_model()
+    slow, schedule = decimated_inputs(imu, gnss, lever_arm, velocity_offset, doubt)
+    model = inflated_model()
     bias = np.zeros(model.size)
     bias[[model.constant_states(3 + axis)[0] for axis in range(3)]] = gyro_bias
 
@@ -87,7 +86,7 @@ def try_drive(
         covariance[9:, 9:] = model.initial_covariance
         return replace(state, sensor_state=bias.copy(), covariance=covariance)
 
-    scalar = run_in_pieces(
+    done = run_in_segments(
         slow,
         own(start),
         [(t, own(s)) for t, s in restarts],
@@ -97,13 +96,9 @@ def try_drive(
         keep_samples=False,
         keep_nodes=False,
         node_interval=1e9,
-    ).aiding.scalar.reshape(-1, 2)
-    used = scalar[:, 1] > 0.0
-    if not used.any():
-        return Trial(0.0, 0.0)
-    sequence = InnovationSequence(scalar[used, 0], scalar[used, 1])
-    square = np.minimum(sequence.value**2 / sequence.variance, OUTLYING**2)
-    return Trial(float(np.mean(square)), sequence.log_likelihood)
+    )
+    found = InnovationSequence.of_run(done)
+    return Trial(found.misfit if found.value.size else 0.0, found.log_likelihood)
 
 
 def find_slip(

@@ -2,7 +2,7 @@
 
 What single recordings tell comes from screening/screen; here IMU and GNSS are held against
 each other. What makes every result wrong stops the run with a clear message; the rest is said,
-and the filter copes with it (navigation/preparation/gaps.py, navigation/preparation/condition.py).
+and the filter copes with it (navigation/preparation/gaps.py).
 """
 
 from __future__ import annotations
@@ -15,14 +15,18 @@ from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, GnssRecording, ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigation.preparation.condition import DriveCondition
-from schuler.navigation.preparation.fixes import screen_fixes
-from schuler.navigation.preparation.gaps import UnseenMotion, find_gaps, interpolation_variance
-from schuler.navigation.preparation.turns import (
+from schuler.navigation.preparation.fixes import (
     CONVINCING,
     LEAST_JUMP,
     TurnComparison,
     compare_turns,
+    screen_fixes,
+)
+from schuler.navigation.preparation.gaps import (
+    DataGap,
+    DriveCondition,
+    find_gaps,
+    interpolation_variance,
 )
 from schuler.screening.screen import Finding
 from schuler.screening.stuck import stuck_intervals
@@ -56,16 +60,16 @@ def screen_drive(
     fixes = screen_fixes(gnss)
     findings += _findings_on_fixes(gnss, fixes.wrong, fixes.away, fixes.jumps)
     findings += _coverage(imu, gnss)
-    unseen = find_unseen(imu)
-    findings += [_finding_on_unseen(part) for part in unseen]
+    gaps = find_data_gaps(imu)
+    findings += [_finding_on_gap(part) for part in gaps]
     return imu, DriveCondition(
         findings=tuple(findings),
-        unseen=unseen,
+        gaps=gaps,
         wrong_fixes=gnss.time[fixes.wrong].copy() if fixes.wrong.any() else None,
     )
 
 
-def find_unseen(imu: ImuRecording) -> tuple[UnseenMotion, ...]:
+def find_data_gaps(imu: ImuRecording) -> tuple[DataGap, ...]:
     """Find gaps and stuck axes, and how much may have happened in them."""
     parts: list[tuple[float, float, NDArray[np.bool_], bool]] = [
         (a, b, np.ones(6, dtype=bool), True) for a, b in find_gaps(imu)
@@ -85,12 +89,12 @@ def find_unseen(imu: ImuRecording) -> tuple[UnseenMotion, ...]:
             merged.append(part)
     spans = [(a, b) for a, b, _, _ in merged]
     return tuple(
-        UnseenMotion(a, b, c, np.where(c, interpolation_variance(imu, b - a, spans), 0.0), gap)
+        DataGap(a, b, c, np.where(c, interpolation_variance(imu, b - a, spans), 0.0), gap)
         for a, b, c, gap in merged
     )
 
 
-def _finding_on_unseen(part: UnseenMotion) -> Finding:
+def _finding_on_gap(part: DataGap) -> Finding:
     names = tuple(c for k, c in enumerate((*CHANNELS[3:], *CHANNELS[:3])) if part.channels[k])
     if part.gap:
         what, kind = "the IMU recorded nothing", "gap"

@@ -4,21 +4,27 @@ What is missing is interpolated between what was felt just before and just after
 is, the rest of the recording tells: the same interpolation is tried over stretches of the same
 length where the motion was seen. The filter gets its variance as noise of that time, so that its
 covariance opens up by what can have happened, and closes again with the aiding after it.
+
+A filter is linear in small attitude errors: beyond `BRIDGED_TURN` it stops at the last sample
+before a gap and is aligned anew behind it, like at the beginning of a recording.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data import ImuRecording
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import NavigationError
+from schuler.navigation.preparation.alignment import Alignment
+from schuler.screening.screen import Finding
 from schuler.types import FloatArray
 
 SHORTEST_GAP = 0.1
-"""Seconds; a few lost samples are no unseen motion."""
+"""Seconds; a few lost samples are no missing motion."""
 SHORTEST_GAP_STEPS = 5.0
 """Steps."""
 EDGE = 0.1
@@ -31,7 +37,7 @@ ROUGH_FORCE = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UnseenMotion:
+class DataGap:
     """A stretch in which some or all axes saw nothing.
 
     Parameters
@@ -73,7 +79,7 @@ def find_gaps(imu: ImuRecording) -> list[tuple[float, float]]:
 
 
 def interpolation_variance(
-    imu: ImuRecording, seconds: float, unseen: Sequence[tuple[float, float]]
+    imu: ImuRecording, seconds: float, gaps: Sequence[tuple[float, float]]
 ) -> FloatArray:
     """Mean square of what an interpolation over a time misses, tried where the motion was seen."""
     time = imu.time
@@ -94,7 +100,7 @@ def interpolation_variance(
             count = int(min(MOST_TRIALS, max(4.0 * room / length, FEWEST_TRIALS)))
             begin = time[0] + EDGE + np.linspace(0.0, room, count)
             clear = np.ones(count, dtype=bool)
-            for a, b in unseen:
+            for a, b in gaps:
                 clear &= (begin - EDGE > b) | (begin + length + EDGE < a)
             begin = begin[clear]
             if begin.size >= FEWEST_TRIALS:
@@ -110,16 +116,16 @@ def interpolation_variance(
     return np.asarray(np.mean(missed**2, axis=0) * (seconds / length) ** 2)
 
 
-def bridged(imu: ImuRecording, unseen: Sequence[UnseenMotion]) -> ImuRecording:
-    """Return a recording whose unseen stretches are interpolated."""
-    if not unseen:
+def bridged(imu: ImuRecording, gaps: Sequence[DataGap]) -> ImuRecording:
+    """Return a recording whose gaps are bridged by straight lines."""
+    if not gaps:
         return imu
     accel, gyro = imu.accel.copy(), imu.gyro.copy()
     time = imu.time
     added: list[FloatArray] = []
     values: list[FloatArray] = []
     step = 1.0 / imu.rate
-    for part in unseen:
+    for part in gaps:
         a = int(np.searchsorted(time, part.start, side="right"))
         b = int(np.searchsorted(time, part.stop, side="left"))
         width = max(round(EDGE * imu.rate), 1)
@@ -138,7 +144,7 @@ def bridged(imu: ImuRecording, unseen: Sequence[UnseenMotion]) -> ImuRecording:
         else:
             for c in np.flatnonzero(part.channels):
                 (accel if c < 3 else gyro)[a:b, c % 3] = line[:, c]
-    history = (*imu.history, *(_said(p) for p in unseen))
+    history = (*imu.history, *(_said(p) for p in gaps))
     if not added:
         return replace(imu, accel=accel, gyro=gyro, history=history)
     stamps = np.concatenate([time, *added])
@@ -154,18 +160,18 @@ def bridged(imu: ImuRecording, unseen: Sequence[UnseenMotion]) -> ImuRecording:
     )
 
 
-def _said(part: UnseenMotion) -> str:
+def _said(part: DataGap) -> str:
     what = "gap" if part.gap else "stuck axes"
     return f"{what} from {part.start:.3f} to {part.stop:.3f} s bridged by straight lines"
 
 
-def unseen_density(time: FloatArray, unseen: Sequence[UnseenMotion]) -> FloatArray | None:
-    """Squared noise densities that unseen motion adds, sample by sample."""
-    if not unseen:
+def gap_noise_density(time: FloatArray, gaps: Sequence[DataGap]) -> FloatArray | None:
+    """Squared noise densities that gaps add, sample by sample."""
+    if not gaps:
         return None
     added = np.zeros((time.size, 6))
     begin = np.concatenate([[2.0 * time[0] - time[1]], time[:-1]])
-    for part in unseen:
+    for part in gaps:
         a = int(np.searchsorted(time, part.start, side="right"))
         b = int(np.searchsorted(begin, part.stop, side="left"))
         rows = slice(a, b)
@@ -173,3 +179,173 @@ def unseen_density(time: FloatArray, unseen: Sequence[UnseenMotion]) -> FloatArr
         share = covered / (time[rows] - begin[rows])
         added[rows] += share[:, None] * part.variance / part.seconds
     return added
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Restart:
+    """A moment at which the filter begins anew, with the sensor errors it knows.
+
+    Parameters
+    ----------
+    begin : float
+        Last moment before, s; what is measured in between is not used.
+    time : float
+        First sample of what follows, s.
+    alignment : Alignment
+        Attitude and velocity there.
+    """
+
+    begin: float
+    time: float
+    alignment: Alignment
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveCondition:
+    """What a drive suffers from, and how the filter copes.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        For people.
+    gaps : tuple of DataGap
+        Stretches that were bridged.
+    restarts : tuple of Restart
+        In order of time.
+    wrong_fixes : (k,) ndarray
+        Times of GNSS epochs that are left out, on the axis of GNSS, s.
+    """
+
+    findings: tuple[Finding, ...] = ()
+    gaps: tuple[DataGap, ...] = ()
+    restarts: tuple[Restart, ...] = ()
+    wrong_fixes: FloatArray | None = None
+
+    @property
+    def first_break(self) -> float:
+        """Last moment before the first restart, s; infinite where there is none."""
+        return self.restarts[0].begin if self.restarts else float("inf")
+
+    def usable(self, gnss: GnssRecording) -> GnssRecording:
+        """Return the epochs that may be used."""
+        if self.wrong_fixes is None or not self.wrong_fixes.size:
+            return gnss
+        return gnss.select(~np.isin(gnss.time, self.wrong_fixes))
+
+    def noise_scale(
+        self, time: FloatArray, scale: FloatArray | None, white_density: FloatArray
+    ) -> FloatArray | None:
+        """Add gaps to what multiplies the squared white-noise densities."""
+        added = gap_noise_density(time, self.gaps)
+        if added is None:
+            return scale
+        relative: FloatArray = added / np.maximum(white_density, 1e-12) ** 2
+        return 1.0 + relative if scale is None else scale + relative
+
+
+SOUND = DriveCondition()
+
+
+BRIDGED_TURN = np.radians(10.0)
+"""Standard deviation of a turn up to which it is bridged, rad."""
+SHORTEST_SEGMENT = 5.0
+"""Seconds; what is shorter between two breaks is left out."""
+
+
+def split_at_gaps(
+    imu: ImuRecording, gaps: Sequence[DataGap]
+) -> tuple[list[ImuRecording], tuple[DataGap, ...]]:
+    """Bridge what is short and cut where it is not."""
+    last = float(imu.time[-1])
+    short = tuple(u for u in gaps if u.attitude_sd <= BRIDGED_TURN and u.stop < last)
+    # an axis that is stuck to the end cannot be bridged: nothing is known behind it
+    long = [u for u in gaps if not any(u is s for s in short)]
+    segments = []
+    begin = float(imu.time[0])
+    for part in long:
+        segments.append(imu.between(begin, part.start + 1e-9))
+        begin = part.stop
+    if not long or long[-1].stop < last:
+        segments.append(imu.between(begin, np.inf))
+    kept = []
+    for segment in segments:
+        if segment.time.size > 1 and segment.duration >= SHORTEST_SEGMENT:
+            inside = [u for u in short if segment.time[0] <= u.start and u.stop <= segment.time[-1]]
+            kept.append(bridged(segment, inside))
+    if not kept:
+        raise NavigationError(
+            "no stretch of the IMU is whole for five seconds",
+            expected="a recording without so many gaps or stuck axes",
+            where=imu.name,
+        )
+    if not long:
+        kept[0] = replace(kept[0], history=(*imu.history, *kept[0].history[len(imu.history) + 1 :]))
+    return kept, short
+
+
+def align_segments(
+    segments: Sequence[ImuRecording],
+    align_one: Callable[[ImuRecording, bool], Alignment],
+    condition: DriveCondition,
+) -> tuple[ImuRecording, Alignment, DriveCondition]:
+    """Align every segment; those that cannot be aligned are left out and said."""
+    used: list[ImuRecording] = []
+    restarts: list[Restart] = []
+    findings = list(condition.findings)
+    start: Alignment | None = None
+    failure: NavigationError | None = None
+    for k, segment in enumerate(segments):
+        begin, end = float(segment.time[0]), float(segment.time[-1])
+        try:
+            found = align_one(segment, k == 0)
+        except NavigationError as error:
+            failure = failure or error
+            if len(segments) > 1:
+                findings.append(_left_out(begin, end, error))
+            continue
+        if start is None:
+            start = found
+        else:
+            restarts.append(Restart(float(used[-1].time[-1]), begin, found))
+            findings.append(_started_anew(begin, found))
+        used.append(segment)
+    if start is None:
+        assert failure is not None
+        raise failure
+    done = replace(condition, findings=tuple(findings), restarts=tuple(restarts))
+    return _joined(used), start, done
+
+
+def _left_out(begin: float, end: float, error: NavigationError) -> Finding:
+    return Finding(
+        "left out",
+        "warning",
+        f"{begin:.3f} to {end:.3f} s cannot be navigated: {error.found}",
+        (),
+        ((begin, end),),
+        end - begin,
+        cure=error.cure,
+    )
+
+
+def _started_anew(begin: float, found: Alignment) -> Finding:
+    return Finding(
+        "new start",
+        "info",
+        f"the filter starts anew at {begin:.3f} s, {found.method}; heading within "
+        f"{np.degrees(found.heading_sd):.1f} deg; what it knows of the sensor goes on",
+        (),
+        ((begin, begin),),
+    )
+
+
+def _joined(segments: Sequence[ImuRecording]) -> ImuRecording:
+    if len(segments) == 1:
+        return segments[0]
+    return replace(
+        segments[0],
+        time=np.concatenate([p.time for p in segments]),
+        gyro=np.concatenate([p.gyro for p in segments]),
+        accel=np.concatenate([p.accel for p in segments]),
+        temperature=None,
+    )

@@ -19,9 +19,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigation.aiding.gnss import AidingSchedule, GnssVelocity, merge_schedules
+from schuler.navigation.aiding.gnss import GnssVelocity
+from schuler.navigation.aiding.schedule import AidingSchedule, merge_schedules
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu, thin
 from schuler.types import FloatArray
 
 COARSE = 24
@@ -37,8 +39,6 @@ SPACING = 1.0
 """Seconds between fixes: those of one second share their errors."""
 UNKNOWN_SD = 0.3
 """Of a velocity whose deviation the receiver does not tell, m/s."""
-OUTLYING = 4.0
-"""Innovations beyond so many standard deviations count with a Cauchy tail."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,12 +75,14 @@ def judge_headings(
     velocity_sd: FloatArray | None = None,
 ) -> HeadingPosterior:
     """Filter a stretch from every heading and return what the likelihoods say."""
-    from schuler.navigation.tuning.likelihood import InnovationSequence
+    slow, schedule = decimated_inputs(imu, gnss, lever_arm, velocity_offset, velocity_sd)
+    tried: dict[float, float] = {}
+    misfits: dict[float, float] = {}
 
-    slow, schedule = stretch_to_filter(imu, gnss, lever_arm, velocity_offset, velocity_sd)
-
-    def innovations(heading: float) -> InnovationSequence:
-        scalar = run_engine(
+    def judge(heading: float) -> None:
+        if heading in tried:
+            return
+        done = run_engine(
             slow,
             start(heading),
             model,
@@ -89,19 +91,9 @@ def judge_headings(
             keep_samples=False,
             keep_nodes=False,
             node_interval=1e9,
-        ).aiding.scalar.reshape(-1, 2)
-        used = scalar[:, 1] > 0.0
-        return InnovationSequence(scalar[used, 0], scalar[used, 1])
-
-    tried: dict[float, float] = {}
-    misfits: dict[float, float] = {}
-
-    def judge(heading: float) -> None:
-        if heading not in tried:
-            found = innovations(heading)
-            tried[heading] = found.log_likelihood
-            square = np.minimum(found.value**2 / found.variance, OUTLYING**2)
-            misfits[heading] = float(np.mean(square)) if square.size else 1.0
+        )
+        found = InnovationSequence.of_run(done)
+        tried[heading], misfits[heading] = found.log_likelihood, found.misfit
 
     step = 2.0 * np.pi / COARSE
     for k in range(COARSE):
@@ -124,7 +116,7 @@ def judge_headings(
     return HeadingPosterior(mean, sd, heading, value, misfit)
 
 
-def stretch_to_filter(
+def decimated_inputs(
     imu: ImuRecording,
     gnss: GnssRecording,
     lever_arm: FloatArray,
@@ -132,8 +124,6 @@ def stretch_to_filter(
     velocity_sd: FloatArray | None,
 ) -> tuple[ImuRecording, AidingSchedule]:
     """Return the stretch at a low rate, and one velocity a second."""
-    from schuler.navigation.tuning.likelihood import slower_imu, thin
-
     assert gnss.velocity_sd is not None
     sd = np.where(np.isnan(gnss.velocity_sd), UNKNOWN_SD, gnss.velocity_sd)
     if velocity_sd is not None:

@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import NavigationError
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
-from schuler.navigation.error_models.generic_noise import (
+from schuler.navigation.error_models.sensor_error_model import (
     TURN_ON_ACCEL,
     TURN_ON_GYRO,
     generic_noise_model,
+    sensor_error_model,
 )
-from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.preparation.headings import (
     HeadingPosterior,
+    decimated_inputs,
     judge_headings,
-    stretch_to_filter,
 )
 from schuler.navigation.preparation.rest import level_from_gravity
 from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector
@@ -44,7 +44,7 @@ ENOUGH = np.radians(2.0)
 MOTION_GYRO_SD = np.radians(0.5)
 """Of gyro biases found in motion, rad/s: slopes and leans of the vehicle over the stretch."""
 MOTION_TILT_SD = np.radians(3.0)
-FORGIVING = 2.0
+NOISE_INFLATION = 2.0
 """On the white noise of a generic sensor: engines and roads shake it."""
 STAMPS = 0.2
 """Seconds that stamps may be off before anybody has looked for it."""
@@ -131,7 +131,7 @@ def settle_heading(
         found = judge_headings(
             part,
             gnss,
-            forgiving_model(),
+            inflated_model(),
             start,
             lever_arm=lever_arm,
             velocity_offset=offset,
@@ -187,7 +187,7 @@ def _starts(
 ) -> Callable[[float], InitialState]:
     """Initial state for a heading."""
     assert gnss.velocity is not None
-    model = forgiving_model()
+    model = inflated_model()
     covariance = np.zeros((9 + model.size, 9 + model.size))
     sd = [10.0, 10.0, 15.0, 1.0, 1.0, 1.0, MOTION_TILT_SD, MOTION_TILT_SD, 1e-3]
     covariance[:9, :9] = np.diag(np.square(sd))
@@ -216,20 +216,20 @@ def _looking_back(
     """
     from schuler.navigation.smoother import smooth_run
 
-    initial, model = start(found.mean), forgiving_model()
-    slow, schedule = stretch_to_filter(part, gnss, lever_arm, offset, extra)
+    initial, model = start(found.mean), inflated_model()
+    slow, schedule = decimated_inputs(part, gnss, lever_arm, offset, extra)
     done = run_engine(slow, initial, model, schedule, gate=gate_thresholds(1e-6))
     smoothed = smooth_run(done, model, slow.time)
     places = [model.constant_states(3 + axis)[0] for axis in range(3)]
     return smoothed.samples.rotation[0].copy(), smoothed.sensor_state[0, places].copy()
 
 
-def forgiving_model() -> SensorErrorModel:
+def inflated_model() -> SensorErrorModel:
     """Return a generic sensor whose noise forgives engines and roads."""
     model = sensor_error_model(
         generic_noise_model(), turn_on_accel=TURN_ON_ACCEL, turn_on_gyro=TURN_ON_GYRO
     )
-    return replace(model, white_density=FORGIVING * model.white_density)
+    return replace(model, white_density=NOISE_INFLATION * model.white_density)
 
 
 def velocity_doubt(gnss: GnssRecording, lever_arm: FloatArray) -> FloatArray:

@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
 from schuler.navigation.aiding.gnss import require_overlap
-from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
-from schuler.navigation.aiding.vehicle import (
-    VehicleConstraint,
-    check_constraints,
-    with_vehicle_states,
-)
+from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.engine import InitialState
-from schuler.navigation.error_models.generic_noise import (
-    TURN_ON_ACCEL,
-    TURN_ON_GYRO,
+from schuler.navigation.error_models.sensor_error_model import (
     generic_noise_model,
+    sensor_error_model,
 )
-from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.alignment import Alignment, align
-from schuler.navigation.preparation.condition import DriveCondition
-from schuler.navigation.preparation.degraded_data import align_pieces, split_at_unseen
 from schuler.navigation.preparation.diagnosis import (
     BAD,
     DOUBTFUL,
@@ -40,22 +31,38 @@ from schuler.navigation.preparation.diagnosis import (
     turns_too_fast,
 )
 from schuler.navigation.preparation.drive_screening import screen_drive
+from schuler.navigation.preparation.gaps import DriveCondition, align_segments, split_at_gaps
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.navigation.preparation.time_offsets import (
-    enough_for_offsets,
-    find_time_offset,
-    velocity_lag,
-)
 from schuler.navigation.run import run
-from schuler.navigation.tuning.likelihood import slower_imu
+from schuler.navigation.settings import (
+    NavigationSettings,
+    Progress,
+    TimeOffset,
+    nobody_listens,
+)
+from schuler.navigation.tuning.gnss_errors import fit_split
+from schuler.navigation.tuning.likelihood import enough_for_offsets, find_time_offset, velocity_lag
 from schuler.navigation.tuning.tune import tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.screening.screen import Finding
-from schuler.types import FloatArray
 
-Progress = Callable[[str], None]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedDrive:
+    """A recording as it is used, and everything a run of it needs.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        Cut to where it can be used, short gaps bridged.
+    setup : RunSetup
+        Ready to run.
+    """
+
+    imu: ImuRecording
+    setup: RunSetup
 
 
 def prepare(
@@ -63,100 +70,157 @@ def prepare(
     gnss: GnssRecording,
     noise_model: NoiseModel | None = None,
     *,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    heading: float | None = None,
-    mounting: FloatArray | None = None,
-    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
-    tune_noise: bool | None = None,
-    aiding: Sequence[str] = (),
-    turn_on_accel: float = TURN_ON_ACCEL,
-    turn_on_gyro: float = TURN_ON_GYRO,
-    measurements: MeasurementOptions = PLAIN,
     progress: Progress | None = None,
+    **known: Any,
 ) -> tuple[ImuRecording, RunSetup]:
-    """Align, find time offsets, noise and mounting. Parameters as for `navigate`."""
-    say = progress or (lambda _: None)
-    constraints = check_constraints(aiding)
+    """Align, find time offsets, noise and mounting, and return all that a run needs.
+
+    Parameters
+    ----------
+    imu, gnss, noise_model, progress
+        As for `navigate`.
+    **known
+        lever_arm, heading, mounting, time_offset, tune_noise, aiding, false_alarm,
+        smoother_memory, turn_on_accel, turn_on_gyro and measurements, as for `navigate`.
+
+    Returns
+    -------
+    imu : ImuRecording
+        Cut to where it can be used.
+    setup : RunSetup
+        For `NavigationFilter.from_setup`.
+
+    Raises
+    ------
+    InputError
+        Recordings without what is needed.
+    NavigationError
+        No overlap, no heading, or no mounting where it is needed.
+    """
+    done = prepare_drive(imu, gnss, noise_model, NavigationSettings(**known), progress)
+    return done.imu, done.setup
+
+
+def prepare_drive(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    noise_model: NoiseModel | None,
+    settings: NavigationSettings,
+    progress: Progress | None = None,
+) -> PreparedDrive:
+    """Align, find time offsets, noise and mounting."""
+    say = progress or nobody_listens
     _check_inputs(imu, gnss)
-    arm = np.asarray(lever_arm, dtype=np.float64)
-    imu, condition = screen_drive(
-        imu,
-        gnss,
-        mounting=mounting,
-        time_offset=None if isinstance(time_offset, str) else float(np.max(time_offset)),
-    )
+    known = None if settings.estimates_offset else float(np.max(settings.time_offset))
+    imu, condition = screen_drive(imu, gnss, mounting=settings.mounting, time_offset=known)
     gnss = condition.usable(gnss)
     imu = _from_first_fix(imu, gnss)
-    pieces, short = split_at_unseen(imu, condition.unseen)
-    condition = replace(condition, unseen=short)
-    tuned = noise_model is None if tune_noise is None else tune_noise
     base = sensor_error_model(
         noise_model or generic_noise_model(),
-        turn_on_accel=turn_on_accel,
-        turn_on_gyro=turn_on_gyro,
+        turn_on_accel=settings.turn_on_accel,
+        turn_on_gyro=settings.turn_on_gyro,
         interval=float(np.median(np.diff(imu.time))),
     )
-    base, placed = measurements.placed(base)
-    estimate = time_offset == "estimate"
-    offsets = _given_offsets(time_offset, gnss)
+    segments, bridged = split_at_gaps(imu, condition.gaps)
+    start = _Start(gnss, settings, segments, replace(condition, gaps=bridged))
+    tuned = noise_model is None if settings.tune_noise is None else settings.tune_noise
     say("aligning")
-
-    def align_one(piece: ImuRecording, velocity_offset: float, first: bool) -> Alignment:
-        return align(
-            piece,
-            gnss,
-            velocity_offset=velocity_offset,
-            heading=heading if first else None,
-            mounting=mounting,
-            lever_arm=arm,
-        )
-
-    def aligned(velocity_offset: float) -> tuple[ImuRecording, Alignment, DriveCondition]:
-        return align_pieces(
-            pieces, lambda piece, first: align_one(piece, velocity_offset, first), condition
-        )
-
-    try:
-        imu, start, coping = aligned(offsets.velocity)
-    except NavigationError:
-        _name_wrong_unit(imu, lambda other: align_one(other, offsets.velocity, True))
-        raise
-    setup = RunSetup(
-        base, NoiseFactors.none(), offsets, start, arm, condition=coping, measurements=placed
-    )
-    if not estimate:
-        coping = _require_fit(imu, gnss, setup, align_one)
-        setup = replace(setup, condition=coping)
-    if not (estimate or tuned):
-        return imu, _aided(imu, gnss, setup, constraints, mounting, say)
-    if estimate:
+    prepared = start.first(base, imu)
+    if not (settings.estimates_offset or tuned):
+        done = replace(prepared, setup=_aided(prepared, gnss, say))
+        return replace(done, setup=fit_split(done.imu, gnss, done.setup))
+    if settings.estimates_offset:
         say("looking for the time offset")
-        rough = _rough(base) if tuned else base
-        part = enough_for_offsets(imu, gnss, setup)
-        shift = find_time_offset(slower_imu(part), gnss, replace(setup, model=rough))
-        offsets = TimeOffsets(offsets.position + shift, offsets.velocity + shift)
-        imu, start, coping = aligned(offsets.velocity)
-        setup = replace(setup, offsets=offsets, alignment=start, condition=coping)
-        coping = _require_fit(imu, gnss, setup, align_one)
+        prepared = start.with_offset(prepared, tuned)
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
-    setup = replace(setup, condition=coping)
+    done = _tuned(prepared, gnss, tuned, say)
+    return replace(done, setup=fit_split(done.imu, gnss, done.setup))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Start:
+    """Alignment of every segment of a drive, again for every time offset."""
+
+    gnss: GnssRecording
+    settings: NavigationSettings
+    segments: list[ImuRecording]
+    condition: DriveCondition
+
+    def align_one(self, imu: ImuRecording, velocity_offset: float, first: bool) -> Alignment:
+        return align(
+            imu,
+            self.gnss,
+            velocity_offset=velocity_offset,
+            heading=self.settings.heading if first else None,
+            mounting=self.settings.mounting,
+            lever_arm=self.settings.arm,
+        )
+
+    def aligned(self, offset: float) -> tuple[ImuRecording, Alignment, DriveCondition]:
+        return align_segments(
+            self.segments, lambda imu, first: self.align_one(imu, offset, first), self.condition
+        )
+
+    def first(self, base: SensorErrorModel, imu: ImuRecording) -> PreparedDrive:
+        """With the offsets that were given, or a first guess of them."""
+        offsets = _given_offsets(self.settings.time_offset, self.gnss)
+        try:
+            used, alignment, condition = self.aligned(offsets.velocity)
+        except NavigationError:
+            _name_wrong_unit(imu, lambda other: self.align_one(other, offsets.velocity, True))
+            raise
+        setup = RunSetup(
+            base,
+            NoiseFactors.none(),
+            offsets,
+            alignment,
+            self.settings.arm,
+            condition=condition,
+            settings=self.settings,
+        ).with_sensors(base)
+        found = PreparedDrive(used, setup)
+        return found if self.settings.estimates_offset else self._fitting(found)
+
+    def with_offset(self, prepared: PreparedDrive, tuned: bool) -> PreparedDrive:
+        """With the time offset that a coarse search finds."""
+        setup = prepared.setup
+        # noise that forgives anything
+        rough = NoiseFactors(white=np.full(6, 2.0)).applied(setup.model) if tuned else setup.model
+        part = enough_for_offsets(prepared.imu, self.gnss, setup)
+        shift = find_time_offset(slower_imu(part), self.gnss, replace(setup, model=rough))
+        offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
+        imu, alignment, condition = self.aligned(offsets.velocity)
+        setup = replace(setup, offsets=offsets, alignment=alignment, condition=condition)
+        return self._fitting(PreparedDrive(imu, setup))
+
+    def _fitting(self, prepared: PreparedDrive) -> PreparedDrive:
+        condition = _require_fit(prepared.imu, self.gnss, prepared.setup, self.align_one)
+        return replace(prepared, setup=replace(prepared.setup, condition=condition))
+
+
+def _tuned(
+    prepared: PreparedDrive, gnss: GnssRecording, tuned: bool, say: Progress
+) -> PreparedDrive:
+    """Noise, time offsets and constraints by the likelihood of the drive."""
+    imu, setup = prepared.imu, prepared.setup
+    settings = setup.settings
     noise: Literal["channels"] | None = "channels" if tuned else None
     part = imu if tuned else enough_for_offsets(imu, gnss, setup)
-    found = tune(part, gnss, setup, noise=noise, offsets=estimate, progress=progress)
-    aided = _aided(imu, gnss, found.setup, constraints, mounting, say)
-    if not tuned or "nhc" not in constraints:
-        return imu, aided
+    found = tune(part, gnss, setup, noise=noise, offsets=settings.estimates_offset, progress=say)
+    aided = _aided(PreparedDrive(imu, found.setup), gnss, say)
+    if not tuned or "nhc" not in settings.constraints:
+        return PreparedDrive(imu, aided)
     # how well the vehicle keeps to its forward axis, with the noise of the sensors as it is now
     say("tuning the constraints of the vehicle")
     once_more = replace(
         setup,
-        model=with_vehicle_states(base, constraints),
+        model=with_vehicle_states(setup.model, settings.constraints),
         offsets=found.setup.offsets,
         vehicle=aided.vehicle,
     )
     known = {name: v for name, v in found.values.items() if "offset" not in name}
-    both = tune(imu, gnss, once_more, noise=noise, offsets=False, fixed=known, progress=progress)
-    return imu, both.setup
+    both = tune(imu, gnss, once_more, noise=noise, offsets=False, fixed=known, progress=say)
+    return PreparedDrive(imu, both.setup)
 
 
 def _name_wrong_unit(imu: ImuRecording, align_one: Callable[[ImuRecording], Alignment]) -> None:
@@ -228,15 +292,10 @@ def _require_fit(
     return replace(setup.condition, findings=(*setup.condition.findings, finding))
 
 
-def _aided(
-    imu: ImuRecording,
-    gnss: GnssRecording,
-    setup: RunSetup,
-    constraints: tuple[str, ...],
-    mounting: FloatArray | None,
-    say: Progress,
-) -> RunSetup:
+def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSetup:
     """Add what the vehicle tells; where it has to, a first pass without it finds the mounting."""
+    imu, setup = prepared.imu, prepared.setup
+    constraints, mounting = setup.settings.constraints, setup.settings.mounting
     if not constraints:
         return setup
     if "nhc" not in constraints:
@@ -287,17 +346,10 @@ def _from_first_fix(imu: ImuRecording, gnss: GnssRecording) -> ImuRecording:
     return cut
 
 
-def _given_offsets(
-    time_offset: Literal["estimate"] | float | tuple[float, float], gnss: GnssRecording
-) -> TimeOffsets:
+def _given_offsets(time_offset: TimeOffset, gnss: GnssRecording) -> TimeOffsets:
     if isinstance(time_offset, str):
         # a velocity that lags was true earlier than its stamp says
         return TimeOffsets(0.0, -velocity_lag(gnss))
     if isinstance(time_offset, tuple):
         return TimeOffsets(float(time_offset[0]), float(time_offset[1]))
     return TimeOffsets(float(time_offset), float(time_offset))
-
-
-def _rough(base: SensorErrorModel) -> SensorErrorModel:
-    """Noise that forgives anything, for a first search."""
-    return NoiseFactors(white=np.full(6, 2.0)).applied(base)

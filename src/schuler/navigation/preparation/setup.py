@@ -5,25 +5,26 @@ Gathered in one frozen record, so that a run can be repeated exactly and a repor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigation.aiding.gnss import (
+from schuler.navigation.aiding.gnss import GnssPosition, GnssVelocity
+from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
+from schuler.navigation.aiding.schedule import (
     Aiding,
     AidingSchedule,
-    GnssPosition,
-    GnssVelocity,
+    for_states,
     merge_schedules,
 )
-from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
-from schuler.navigation.aiding.vehicle import VehicleConstraint
+from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, SensorErrorModel
 from schuler.navigation.preparation.alignment import Alignment
-from schuler.navigation.preparation.condition import SOUND, DriveCondition
-from schuler.navigation.stepping import InitialState
+from schuler.navigation.preparation.gaps import SOUND, DriveCondition
+from schuler.navigation.settings import NavigationSettings
+from schuler.navigation.stepping import NO_VEHICLE, InitialState, VehicleStates
 from schuler.navigation.tuning.vibration import VibrationResponse, vibration_level
 from schuler.types import FloatArray
 
@@ -119,6 +120,8 @@ class RunSetup:
         What the drive suffers from, and how the filter copes.
     measurements : MeasurementOptions
         How GNSS is weighted, and other sensors; their states are among the model's.
+    settings : NavigationSettings
+        What the user said.
     """
 
     model: SensorErrorModel
@@ -132,6 +135,24 @@ class RunSetup:
     sources: tuple[Aiding, ...] = ()
     condition: DriveCondition = SOUND
     measurements: MeasurementOptions = PLAIN
+    settings: NavigationSettings = field(default_factory=NavigationSettings)
+
+    @property
+    def vehicle_states(self) -> VehicleStates:
+        """Where the filter finds what it knows of the vehicle."""
+        return NO_VEHICLE if self.vehicle is None else self.vehicle.states
+
+    def with_sensors(self, base: SensorErrorModel) -> RunSetup:
+        """Return the same setup with other sensors: noise factors, then states of all aiding."""
+        told = self.settings.measurements
+        # as the drive has found them, where it was asked already
+        told = replace(told, correlated=self.measurements.correlated or told.correlated)
+        model, placed = told.placed(self.factors.applied(base))
+        vehicle = self.vehicle
+        if vehicle is not None and vehicle.first_state >= 0:
+            vehicle = replace(vehicle, first_state=model.size)
+            model = with_vehicle_states(model, vehicle.constraints)
+        return replace(self, model=model, measurements=placed, vehicle=vehicle)
 
     def white_scale(self, imu: ImuRecording) -> FloatArray | None:
         """Return what multiplies the squared white-noise densities sample by sample."""
@@ -140,23 +161,29 @@ class RunSetup:
             scale = self.vibration.white_scale(vibration_level(imu))
         return self.condition.noise_scale(imu.time, scale, self.model.white_density)
 
+    def aiding(self, imu: ImuRecording, gnss: GnssRecording) -> list[Aiding]:
+        """Return all sources of measurements."""
+        gnss = self.condition.usable(gnss)
+        arm, offsets, factors = self.lever_arm, self.offsets, self.factors
+        slow = self.measurements.correlated
+        sources: list[Aiding] = [
+            GnssPosition(gnss, arm, offsets.position, factors.position_sd, slow),
+            GnssVelocity(gnss, arm, offsets.velocity, factors.velocity_sd),
+            *self.sources,
+            *self.measurements.placed_sources,
+        ]
+        if self.vehicle is not None:
+            sources += self.vehicle.sources(imu, self.model.white_density[3:])
+        return sources
+
     def schedule(self, imu: ImuRecording, gnss: GnssRecording) -> AidingSchedule:
         """Return all measurements that fall inside the IMU's time."""
-        gnss = self.condition.usable(gnss)
-        sources: tuple[Aiding, ...] = (
-            GnssPosition(gnss, self.lever_arm, self.offsets.position, self.factors.position_sd),
-            GnssVelocity(gnss, self.lever_arm, self.offsets.velocity, self.factors.velocity_sd),
-        )
-        rows = [s.rows() for s in (*sources, *self.sources, *self.measurements.sources)]
-        if self.measurements.correlated is not None:
-            rows[0] = self.measurements.correlated.applied(rows[0])
-        if self.vehicle is not None:
-            rows += self.vehicle.rows(imu, self.model.white_density[3:])
+        rows = [source.rows() for source in self.aiding(imu, gnss)]
         merged = merge_schedules(rows, float(imu.time[0]), float(imu.time[-1]))
         for restart in self.condition.restarts:
             between = (merged.time > restart.begin) & (merged.time < restart.time)
             merged = merged.select(~between)
-        return merged
+        return for_states(merged, self.model.size)
 
     def initial_state(self, imu: ImuRecording, gnss: GnssRecording) -> InitialState:
         """Return the state and covariance at the first sample."""

@@ -20,9 +20,10 @@ from numpy.typing import ArrayLike
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.to_dict import ToDict
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.preparation.prepare import prepare
+from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.run import run
+from schuler.navigation.settings import NavigationSettings
 from schuler.navigation.tuning.tune import Tuning, tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
@@ -178,19 +179,16 @@ def tune_noise(
         As `navigate`, or too few GNSS epochs.
     """
     say = progress or (lambda _: None)
-    cut, prepared = prepare(
-        imu,
-        gnss,
-        noise_model,
+    settings = NavigationSettings(
         lever_arm=lever_arm,
         heading=heading,
         mounting=mounting,
         time_offset=time_offset,
         tune_noise=False,
         aiding=aiding,
-        progress=progress,
     )
-    start = replace(prepared, factors=NoiseFactors.none())
+    prepared = prepare_drive(imu, gnss, noise_model, settings, progress)
+    cut, start = prepared.imu, replace(prepared.setup, factors=NoiseFactors.none())
 
     def search(fixed: dict[str, float], first: dict[str, float], longest: int = 30) -> Tuning:
         return tune(

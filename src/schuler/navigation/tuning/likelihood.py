@@ -1,84 +1,19 @@
-"""How likely the innovations of a drive are, GNSS thinned or not."""
+"""How likely the innovations of a drive are, GNSS thinned or not, and the time offset by it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigation.aiding.gnss import VELOCITY
+from schuler.navigation.aiding.schedule import VELOCITY
 from schuler.navigation.engine import gate_thresholds
-from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.segments import run_in_pieces
-from schuler.navigation.stepping import NO_VEHICLE
+from schuler.navigation.innovation_likelihood import InnovationSequence
+from schuler.navigation.preparation.setup import RunSetup, TimeOffsets
+from schuler.navigation.segments import run_in_segments
 from schuler.types import FloatArray
-
-# slowest IMU rate used while tuning (Hz)
-TUNING_RATE = 20.0
-# innovations beyond this many standard deviations count with a Cauchy tail
-OUTLYING = 4.0
-
-
-def slower_imu(imu: ImuRecording, rate: float = TUNING_RATE) -> ImuRecording:
-    """Average neighbouring samples so that the rate is just above the given one.
-
-    Means of whole groups: the increments stay exact, only coning within a group is lost, which
-    is of no weight beside the noise that is being tuned.
-    """
-    group = int(imu.rate / rate + 1e-6)
-    if group < 2:
-        return imu
-    count = (imu.size - 1) // group
-    stop = count * group + 1
-    step = np.diff(imu.time)[: stop - 1, None]
-    span = step.reshape(count, group, 1).sum(axis=1)
-
-    def mean(values: FloatArray) -> FloatArray:
-        sums = (values[1:stop] * step).reshape(count, group, 3).sum(axis=1)
-        return np.concatenate([values[:1], sums / span])
-
-    return replace(
-        imu,
-        time=imu.time[:stop:group],
-        gyro=mean(imu.gyro),
-        accel=mean(imu.accel),
-        temperature=None,
-        history=(*imu.history, f"means of {group} samples"),
-    )
-
-
-def thin(gnss: GnssRecording, interval: float) -> GnssRecording:
-    """Keep one epoch in every `interval` seconds."""
-    if interval <= 0.0:
-        return gnss
-    cell = np.floor((gnss.time - gnss.time[0]) / interval + 1e-6)
-    return gnss.select(np.concatenate([[True], np.diff(cell) > 0.0]))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class InnovationSequence:
-    """Scalar innovations (k,), their claimed variances (k,) and, where needed, times (k,)."""
-
-    value: FloatArray
-    variance: FloatArray
-    time: FloatArray = field(default_factory=lambda: np.empty(0))
-
-    @property
-    def log_likelihood(self) -> float:
-        """Robust log-likelihood: Gaussian, with a Cauchy tail beyond `OUTLYING`."""
-        square = self.value**2 / self.variance
-        limit = OUTLYING**2
-        tail = limit * (1.0 + np.log(np.maximum(square, limit) / limit))
-        cost = np.where(square > limit, tail, square) + np.log(2.0 * np.pi * self.variance)
-        return float(-0.5 * cost.sum())
-
-    @property
-    def weight(self) -> FloatArray:
-        """Derivative of the cost by the normalised square: 1, and less in the tail."""
-        square = self.value**2 / self.variance
-        return np.minimum(1.0, OUTLYING**2 / np.maximum(square, 1e-300))
 
 
 def innovations(
@@ -98,11 +33,10 @@ def innovations(
         scale = setup.vibration.white_scale(level)
     scale = setup.condition.noise_scale(imu.time, scale, setup.model.white_density)
     restarts = setup.restarts(gnss[0])
-    vehicle = NO_VEHICLE if setup.vehicle is None else setup.vehicle.states
-    flat, times = [], []
+    found = []
     for fixes in gnss:
         schedule = setup.schedule(imu, fixes)
-        done = run_in_pieces(
+        done = run_in_segments(
             imu,
             initial,
             restarts,
@@ -110,15 +44,91 @@ def innovations(
             schedule,
             gate=gate,
             white_scale=scale,
-            vehicle=vehicle,
+            vehicle=setup.vehicle_states,
             keep_samples=False,
             keep_nodes=False,
             node_interval=1e9,
         )
-        judges = schedule.kind <= VELOCITY
-        scalar = done.aiding.scalar[judges].reshape(-1, 2)
-        used = scalar[:, 1] > 0.0
-        flat.append(scalar[used])
-        times.append(np.repeat(schedule.time[judges], 3)[used])
-    both = np.concatenate(flat)
-    return InnovationSequence(both[:, 0], both[:, 1], np.concatenate(times))
+        found.append(InnovationSequence.of_run(done, schedule.time, schedule.kind <= VELOCITY))
+    return InnovationSequence(
+        *(np.concatenate([getattr(s, f) for s in found]) for f in ("value", "variance", "time"))
+    )
+
+
+# searches around the edge of the one before
+WIDENINGS = 3
+# offsets are looked for in so much motion (s), at this speed or more (m/s): an hour tells no more
+ENOUGH_MOTION = 900.0
+LEAST_SPEED = 1.0
+
+
+def velocity_lag(gnss: GnssRecording) -> float:
+    """Delay of a receiver's velocity behind its position, from GNSS alone.
+
+    Regression of (rate of position - velocity) on acceleration, horizontal components.
+    """
+    if gnss.velocity is None or gnss.size < 20:
+        return 0.0
+    from schuler.earth import ned_from_geodetic
+
+    step = np.diff(gnss.time)
+    local = ned_from_geodetic(gnss.position, gnss.position[0])[:, :2]
+    span = (gnss.time[2:] - gnss.time[:-2])[:, None]
+    regular = (span[:, 0] < 2.5 * np.median(step)) & (np.abs(np.diff(step)) < 0.1 * step[:-1])
+    if regular.sum() < 10:
+        return 0.0
+    rate = (local[2:] - local[:-2]) / span
+    velocity = gnss.velocity[:, :2]
+    acceleration = (velocity[2:] - velocity[:-2]) / span
+    left = (rate - velocity[1:-1])[regular].ravel()
+    a = acceleration[regular].ravel()
+    power = float(a @ a)
+    if power <= 0.0:
+        return 0.0
+    lag = float(left @ a) / power
+    sd = float(np.sqrt(np.mean((left - lag * a) ** 2) / power))
+    return lag if abs(lag) > 3.0 * sd and abs(lag) < 1.0 else 0.0
+
+
+def end_of_enough_motion(gnss: GnssRecording) -> float:
+    """Time by which GNSS has moved for a quarter of an hour."""
+    from schuler.earth import ned_from_geodetic
+
+    step = np.diff(gnss.time)
+    way = np.diff(ned_from_geodetic(gnss.position, gnss.position[0])[:, :2], axis=0)
+    moving = np.linalg.norm(way, axis=1) > LEAST_SPEED * step
+    enough = np.flatnonzero(np.cumsum(np.where(moving, step, 0.0)) >= ENOUGH_MOTION)
+    return float(gnss.time[enough[0] + 1] if enough.size else gnss.time[-1])
+
+
+def enough_for_offsets(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> ImuRecording:
+    """Return as much of a recording as it takes to find its time offsets."""
+    stop = end_of_enough_motion(gnss) + 1.0
+    if stop < imu.time[-1] and all(r.time < stop for r in setup.condition.restarts):
+        return imu.between(float(imu.time[0]), stop)
+    return imu
+
+
+def find_time_offset(
+    imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, reach: float = 1.0
+) -> float:
+    """Coarse search for the offset common to position and velocity, by likelihood."""
+
+    def value(shift: float) -> float:
+        offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
+        return innovations(imu, [gnss], replace(setup, offsets=offsets)).log_likelihood
+
+    centre = 0.0
+    for _ in range(WIDENINGS):
+        shifts = centre + np.arange(-reach, reach + 0.05, 0.1)
+        values = np.array([value(float(s)) for s in shifts])
+        best = int(np.argmax(values))
+        if 0 < best < shifts.size - 1:
+            left, top, right = values[best - 1 : best + 2]
+            bend = left - 2.0 * top + right
+            if bend < 0.0:
+                return float(shifts[best] + 0.05 * (left - right) / bend)
+            break
+        # at the edge: the best may lie beyond
+        centre = float(shifts[best])
+    return float(shifts[best])

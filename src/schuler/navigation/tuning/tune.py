@@ -27,8 +27,11 @@ import numpy as np
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu, thin
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
-from schuler.navigation.tuning.likelihood import InnovationSequence, innovations, slower_imu, thin
+from schuler.navigation.tuning.gnss_errors import FLOOR, WHITE, split_errors, with_split
+from schuler.navigation.tuning.likelihood import innovations
+from schuler.navigation.tuning.scoring import LONGEST_SEARCH, maximise
 from schuler.navigation.tuning.vibration import VibrationResponse, level_at, vibration_level
 from schuler.types import FloatArray
 
@@ -41,16 +44,8 @@ PRIOR_SD = 1.5
 VEHICLE_PRIOR_SD = 0.7
 # while tuning, constraints of a vehicle come at this interval (s)
 SPARSE_INTERVAL = 0.5
-# pieces of time whose scores are taken as independent of each other (s)
-SCORE_BLOCK = 20.0
 # one unit of the search in time offset (s)
 OFFSET_UNIT = 0.01
-# step of the numerical derivatives, in nepers and offset units
-DERIVATIVE_STEP = 1e-2
-# the search ends when a step promises less than this gain of log-likelihood: a parameter one
-# standard deviation off costs 0.5
-TOLERANCE = 0.2
-LONGEST_SEARCH = 30
 # least factor on a receiver's standard deviations of position: innovations cannot see errors that
 # change slowly, so a smaller one would claim what nobody knows
 LEAST_POSITION_FACTOR = 0.5
@@ -126,8 +121,10 @@ def tune(
         setup = _sparser(_setup_at(held | dict(zip(names, x, strict=True)), start))
         return innovations(slow, thinned, setup, level)
 
-    begin = np.array([(first or {}).get(n, 0.0) for n in names])
-    found = _score(evaluate, np.maximum(begin, floor), prior, floor, longest)
+    split = split_errors(start)
+    begun = {WHITE: 0.0 if split is None else float(np.log(split.white))} | dict(first or {})
+    begin = np.array([begun.get(n, 0.0) for n in names])
+    found = maximise(evaluate, np.maximum(begin, floor), prior, floor, longest)
     unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
     values = dict(zip(names, found.x.tolist(), strict=True))
     return Tuning(
@@ -139,118 +136,6 @@ def tune(
         converged=found.converged,
         standard_errors=dict(zip(names, (found.sd * unit).tolist(), strict=True)),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Maximum:
-    """Parameters (p,), their standard errors (p,), and how the search went."""
-
-    x: FloatArray
-    sd: FloatArray
-    log_likelihood: float
-    gain: float
-    converged: bool
-
-
-def _score(
-    evaluate: Callable[[FloatArray], InnovationSequence],
-    x: FloatArray,
-    prior: FloatArray,
-    floor: FloatArray,
-    longest: int,
-) -> _Maximum:
-    """Fisher scoring with a damped step, above a floor. Harvey, section 3.4."""
-    count = prior.size
-
-    def value(sequence: InnovationSequence, at: FloatArray) -> float:
-        return sequence.log_likelihood - 0.5 * float(at @ (prior * at))
-
-    now = evaluate(x)
-    best = first = value(now, x)
-    if not np.isfinite(best):
-        raise EstimationError(
-            "the likelihood of the drive cannot be evaluated",
-            cure="check units, axes and time of IMU and GNSS",
-        )
-    damping, converged = 0.0, False
-    slopes = _derivatives(evaluate, x, now, prior)
-    for _ in range(longest if count else 0):
-        # what would leave through the floor stays out of this step
-        gradient, information = slopes.gradient, slopes.information
-        free = (x > floor) | (gradient > 0.0)
-        step, trial, there = np.zeros(count), now, -np.inf
-        while damping < 1e6:
-            damped = information + damping * np.diag(np.diag(information) + 1e-12)
-            step = np.zeros(count)
-            step[free] = np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
-            step = np.maximum(np.clip(step, -2.0, 2.0), floor - x)
-            converged = 0.5 * float(gradient @ step) < TOLERANCE
-            if converged:
-                break
-            trial = evaluate(x + step)
-            there = value(trial, x + step)
-            if np.isfinite(there) and there > best:
-                break
-            damping = max(4.0 * damping, 0.1)
-        if converged or damping >= 1e6:
-            break
-        damping = 0.0 if damping < 0.2 else 0.25 * damping
-        converged = there - best < TOLERANCE
-        x, now, best = x + step, trial, there
-        if converged:
-            break
-        slopes = _derivatives(evaluate, x, now, prior)
-    return _Maximum(x, slopes.standard_errors, best, best - first, converged or count == 0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Slopes:
-    """First derivatives of the penalised log-likelihood.
-
-    Gradient (p,), expected information (p, p), and the covariance (p, p) of the score over pieces
-    of the drive.
-    """
-
-    gradient: FloatArray
-    information: FloatArray
-    scatter: FloatArray
-
-    @property
-    def standard_errors(self) -> FloatArray:
-        """Square roots of the diagonal of H^-1 J H^-1; never below those of H^-1."""
-        inverse = np.linalg.pinv(self.information)
-        sandwich = np.diag(inverse @ self.scatter @ inverse)
-        return np.asarray(np.sqrt(np.maximum(sandwich, np.diag(inverse))))
-
-
-def _derivatives(
-    evaluate: Callable[[FloatArray], InnovationSequence],
-    x: FloatArray,
-    now: InnovationSequence,
-    prior: FloatArray,
-) -> _Slopes:
-    """First derivatives of the innovations, and what follows from them."""
-    count = x.size
-    root = np.sqrt(now.variance)
-    z = now.value / root
-    weight = now.weight
-    shift = np.empty((z.size, count))
-    spread = np.empty((z.size, count))
-    for k in range(count):
-        moved = x.copy()
-        moved[k] += DERIVATIVE_STEP
-        there = evaluate(moved)
-        shift[:, k] = (there.value - now.value) / root / DERIVATIVE_STEP
-        spread[:, k] = np.log(there.variance / now.variance) / DERIVATIVE_STEP
-    score = -(shift * (weight * z)[:, None] + 0.5 * spread * (1.0 - weight * z**2)[:, None])
-    information = shift.T @ shift + 0.5 * spread.T @ spread + np.diag(prior)
-    piece = ((now.time - now.time.min()) / SCORE_BLOCK).astype(np.int64)
-    pieces = np.zeros((int(piece.max()) + 1, count))
-    np.add.at(pieces, piece, score)
-    pieces -= pieces.mean(axis=0)
-    # the parameters have been fitted to these scores
-    scatter = pieces.T @ pieces * (len(pieces) / max(len(pieces) - count, 1))
-    return _Slopes(score.sum(axis=0) - prior * x, information, scatter)
 
 
 def _free_parameters(
@@ -267,7 +152,7 @@ def _free_parameters(
             if _driven(start.model, channels):
                 names.append(f"drive {sensor}")
         names += ["vibration accel", "vibration gyro"] if by_channel else []
-        names += ["sd position"]
+        names += ["sd position" if split_errors(start) is None else WHITE]
         names += ["sd velocity"] if gnss.velocity is not None else []
         if start.vehicle is not None and start.vehicle.first_state >= 0:
             names += ["sd lateral", "sd vertical"]
@@ -307,6 +192,8 @@ def _prior_and_floor(name: str, prior_sd: float) -> tuple[float, float]:
         return 0.0, -np.inf
     if "vibration" in name:
         return 1.0, 0.0
+    if name == WHITE:
+        return prior_sd**-2, FLOOR[WHITE]
     if name == "sd position":
         return prior_sd**-2, float(np.log(LEAST_POSITION_FACTOR))
     if name in ("sd lateral", "sd vertical"):
@@ -335,7 +222,7 @@ def _setup_at(x: Mapping[str, float], start: RunSetup) -> RunSetup:
         )
     position = start.offsets.position + OFFSET_UNIT * x.get("offset position", 0.0)
     velocity = start.offsets.velocity + OFFSET_UNIT * x.get("offset velocity", 0.0)
-    return replace(
+    done = replace(
         start,
         model=factors.applied(start.model),
         factors=factors,
@@ -346,3 +233,4 @@ def _setup_at(x: Mapping[str, float], start: RunSetup) -> RunSetup:
         offsets=TimeOffsets(float(position), float(velocity)),
         vehicle=vehicle,
     )
+    return with_split(done, x)

@@ -77,7 +77,7 @@ def _figures(result: LastingFaults) -> FigureGrid:
     time = 0.5 * (result.offsets.start + result.offsets.stop)
     excess, one = np.maximum(result.excess, 1e-3), np.ones(time.size)
     chi = result.statistic / result.normal.thresholds[result.motion, 0]
-    spans = tuple((r.start, r.stop) for r in result.records)
+    spans = tuple((r.start, time[-1] if r.stop is None else r.stop) for r in result.records)
     test = plot(
         "Every window",
         "Largest likelihood and chi-square of every window over their thresholds",

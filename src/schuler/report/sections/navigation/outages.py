@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.data.gnss import GnssRecording
-from schuler.evaluation.outages import OutageEvaluation, OutageStatistics, OutageWindow
+from schuler.evaluation.outage_windows import OutageStatistics, OutageWindow
+from schuler.evaluation.outages import OutageEvaluation
 from schuler.report.blocks import FigureGrid, LegendItem, Section, Table
 from schuler.report.figures import axis, band, limits, line, marks
 from schuler.report.makers import plot

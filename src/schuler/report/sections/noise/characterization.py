@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from schuler.curves.allan_curve import AllanCurve
 from schuler.data.imu import CHANNELS
 from schuler.estimation.characterization import ImuCharacterization
 from schuler.estimation.identification import Identification
+from schuler.estimation.ieee952 import classical_reading
 from schuler.noise.base import Process
 from schuler.noise.gauss_markov import FLICKER_LEVEL
 from schuler.report.blocks import Facts, Figure, FigureGrid, Findings, LegendItem, Section, Table
 from schuler.report.figures import Dash, axis, band, limits, line, marks
 from schuler.report.makers import plot, remarks
 from schuler.report.numbers import duration, number
+from schuler.report.sections.noise.ieee952 import ieee952_rows, plateau_note
 from schuler.report.sections.noise.parameters import parameter_rows
 from schuler.report.sections.recording import channel_title, pretty
 from schuler.report.sections.registry import register
@@ -23,17 +26,21 @@ from schuler.types import FloatArray
 from schuler.units import kind_of, scale
 
 SHOWN_UNITS = {"gyro": ("gyro bias", "deg/h"), "accel": ("accel bias", "ug")}
-PARTS: dict[str, tuple[str, str, Dash]] = {
-    "white_noise": ("white noise", "@white", "dot"),
-    "quantization": ("quantisation", "@other", "dash"),
-    "gauss_markov": ("Gauss-Markov", "@markov", "dot"),
-    "random_walk": ("random walk", "@walk", "dot"),
-    "bias_instability": ("bias instability", "@markov", "dash"),
-    "rate_ramp": ("ramp", "@other", "dot"),
-    "sinusoid": ("sinusoid", "@other", "dashdot"),
-    "turn_on_bias": ("turn-on bias", "@other", "dash"),
+STROKES: dict[str, tuple[str, Dash]] = {
+    "white_noise": ("@white", "dot"),
+    "gauss_markov": ("@markov", "dot"),
+    "random_walk": ("@walk", "dot"),
+    "bias_instability": ("@markov", "dash"),
+    "sinusoid": ("@other", "dashdot"),
+    "rate_ramp": ("@other", "dot"),
 }
-"""Name, colour and stroke of each kind of process."""
+"""Colour and stroke where they are not those of other processes."""
+
+
+def _stroke(part: Process) -> tuple[str, str, Dash]:
+    """Name, colour and stroke of a process."""
+    colour, dash = STROKES.get(part.kind, ("@other", "dash"))
+    return part.label or part.kind.replace("_", " "), colour, dash
 
 
 @register
@@ -59,7 +66,26 @@ def characterization_sections(result: ImuCharacterization) -> tuple[Section, ...
     columns, rows = parameter_rows(result.noise_model, "si")
     in_si = Table("The same in SI", columns, rows, words=(0, 1, 2), folded=True)
     findings = Findings(remarks(result.findings))
-    blocks = (facts, _curves(found), table, in_si, findings, _verdicts(found), _slopes(found))
+    coefficients = {c: i.ieee952 for c, i in found.items()}
+    columns, rows = ieee952_rows(coefficients, "datasheet")
+    ieee = Table(
+        "N, B, K, Q, R of IEEE Std 952, fitted",
+        columns,
+        rows,
+        words=(0, 1, 2),
+        note="< : looked for and not found; 95 % upper limit. " + plateau_note(coefficients),
+    )
+    blocks = (
+        facts,
+        _curves(found),
+        ieee,
+        table,
+        in_si,
+        findings,
+        _verdicts(found),
+        _readings(found),
+        _slopes(found),
+    )
     return (Section("Noise", blocks, (*_headlines(result), *result.findings[:1])),)
 
 
@@ -87,15 +113,14 @@ def _enough(result: ImuCharacterization) -> str:
 
 
 def _curves(found: dict[str, Identification]) -> FigureGrid:
-    kinds = [p.kind for i in found.values() for p in i.process.components]
+    parts = {p.kind: p for i in found.values() for p in i.process.components}
     legend = [
         LegendItem("measured", "@data", "point"),
         LegendItem("its 95 % interval", "@data/0.22", "band"),
         LegendItem("model", "@model"),
     ]
-    for kind, (name, colour, dash) in PARTS.items():
-        if kind in kinds:
-            legend.append(LegendItem(name, colour, "dot" if dash == "dot" else "dash"))
+    for name, colour, dash in map(_stroke, sorted(parts.values(), key=lambda p: p.rank)):
+        legend.append(LegendItem(name, colour, "dot" if dash == "dot" else "dash"))
     legend.append(LegendItem("slope method", "@mark", "diamond"))
     figures = []
     for sensor in SHOWN_UNITS:
@@ -133,23 +158,23 @@ def _curve(
     sensor = channel.split("_")[0]
     factor, unit = _factor(sensor), pretty(SHOWN_UNITS[sensor][1])
     curve = found.curve
-    tau = np.geomspace(curve.tau[0], curve.tau[-1], 160)
+    tau = curve.tau
     traces: list[dict[str, Any]] = [
         *band(curve.tau, curve.lower / factor, curve.upper / factor, "@data/0.22", "95 %")
     ]
     measured = marks(curve.tau, curve.deviation / factor, "@data", "measured", size=4)
     traces.append(measured | {"hovertemplate": f"%{{x:.3~g}} s: %{{y:.4~g}} {unit}"})
     for part in found.process.components:
-        name, colour, dash = PARTS.get(part.kind, (part.kind, "@other", "dash"))
-        traces.append(line(tau, _level(part, tau) / factor, colour, name, width=1.4, dash=dash))
-    traces.append(line(tau, _level(found.process, tau) / factor, "@model", "model", width=1.5))
+        name, colour, dash = _stroke(part)
+        traces.append(line(tau, _level(part, curve) / factor, colour, name, width=1.4, dash=dash))
+    traces.append(line(tau, _level(found.process, curve) / factor, "@model", "model", width=1.5))
     traces.append(_slope_marks(found, factor))
     lowest = int(np.argmin(curve.deviation))
     return plot(
         channel_title(channel),
         f"Lowest {number(float(curve.deviation[lowest]) / factor)} {unit} at "
         f"{number(float(curve.tau[lowest]))} s; the model is the sum of "
-        + ", ".join(PARTS.get(p.kind, (p.kind,))[0] for p in found.process.components)
+        + ", ".join(_stroke(p)[0] for p in found.process.components)
         + ".",
         traces,
         axis("cluster time in s", log=True, limits=common[0]),
@@ -158,8 +183,8 @@ def _curve(
     )
 
 
-def _level(process: Process, tau: FloatArray) -> FloatArray:
-    return np.sqrt(process.allan_variance(tau))
+def _level(process: Process, curve: AllanCurve) -> FloatArray:
+    return np.sqrt(process.sampled_allan_variance(curve.factors, 1.0 / curve.rate))
 
 
 def _slope_marks(found: Identification, factor: float) -> dict[str, Any]:
@@ -203,6 +228,33 @@ def _verdicts(found: dict[str, Identification]) -> Table:
         ("channel", "parameter", "standard error", "record for 10 %", "enough"),
         tuple(rows),
         words=(0, 1),
+        folded=True,
+    )
+
+
+def _readings(found: dict[str, Identification]) -> Table:
+    """B as it is read off a curve by hand, under that name."""
+    rows = []
+    for channel, one in found.items():
+        kind = f"{channel.split('_')[0]} bias instability"
+        unit = kind_of(kind).datasheet
+        size = scale(unit, kind)
+        reading = classical_reading(one.curve, one.slopes, one.process)
+        rows.append(
+            (
+                channel_title(channel),
+                pretty(unit),
+                number(reading.minimum / size),
+                "" if reading.flat_run is None else number(reading.flat_run / size),
+                f"{100.0 * reading.flicker_share:.0f} %",
+            )
+        )
+    return Table(
+        "Classical reading of the bias instability (not the fitted B)",
+        ("channel", "unit", "lowest point / 0.664", "flat run / 0.664", "flicker at the lowest"),
+        tuple(rows),
+        words=(0, 1),
+        note="The lowest point bounds B from above even where there is no flicker at all.",
         folded=True,
     )
 

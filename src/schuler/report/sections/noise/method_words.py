@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import re
-
 from schuler.data.imu import CHANNELS
-from schuler.noise.noise_model_file import parameter_kind
-from schuler.report.sections.noise.parameters import WORDS
+from schuler.noise.parameter_names import parameter_kind, spoken_name
 from schuler.report.sections.recording import channel_title, pretty
 from schuler.units import kind_of, scale
 
@@ -28,12 +25,7 @@ def unit_of(name: str) -> tuple[str, float]:
 
 def quantity(parameter: str, name: str) -> tuple[str, str, float]:
     """Return how a parameter is shown."""
-    match = re.match(r"^([a-z_]+?)(?:_(\d+))?\.(\w+)$", parameter)
-    words = parameter.replace("_", " ").replace(".", " ")
-    if match:
-        words = WORDS.get(f"{match[1]}.{match[3]}", words)
-        if match[2]:
-            words = words.replace("Gauss-Markov", f"Gauss-Markov {match[2]}")
+    words = spoken_name(parameter).replace(" sigma", " σ")
     kind = parameter_kind(name, parameter)
     if name.split("_")[0] not in _UNITS and not parameter.endswith("correlation_time"):
         return words, "SI", 1.0

@@ -2,38 +2,29 @@
 
 from __future__ import annotations
 
-import re
+import math
+from dataclasses import fields
 from typing import Literal
 
 from schuler.noise.noise_model import NoiseModel
-from schuler.noise.noise_model_file import parameter_kind
+from schuler.noise.parameter_names import class_and_number, parameter_kind, parameter_words
 from schuler.report.numbers import MISSING, compact_with_error, number, with_error
 from schuler.report.sections.recording import pretty
 from schuler.units import kind_of, scale
 
-WORDS = {
-    "white_noise.density": "white noise N",
-    "quantization.step_density": "quantisation Q",
-    "gauss_markov.sigma": "Gauss-Markov σ",
-    "gauss_markov.correlation_time": "Gauss-Markov T",
-    "bias_instability.level": "bias instability B",
-    "random_walk.density": "random walk K",
-    "rate_ramp.slope": "ramp",
-    "sinusoid.amplitude": "sinusoid amplitude",
-    "sinusoid.frequency": "sinusoid frequency",
-    "turn_on_bias.sigma": "turn-on bias",
-}
-"""Parameters that are shown, in the order of the rows."""
-
-_KEY = re.compile(r"^(?P<kind>[a-z_]+?)(?:_(?P<number>\d+))?\.(?P<field>\w+)$")
+Place = tuple[str, str, int]
+"""Kind, field and number of a part, 1 for an only one."""
 
 
-def _place(key: str) -> tuple[str, int]:
-    """Return "kind.field" and the number of the part, 1 for an only one."""
-    match = _KEY.match(key)
-    if match is None:
-        return key, 1
-    return f"{match['kind']}.{match['field']}", int(match["number"] or 1)
+def shown_words(key: str) -> str:
+    """Name of a parameter in tables; empty if it is not shown."""
+    return parameter_words(key).replace("Gauss-Markov sigma", "Gauss-Markov σ")
+
+
+def _place(key: str) -> Place:
+    name, _, field = key.partition(".")
+    cls, number = class_and_number(name)
+    return (name if cls is None else cls.kind), field, number
 
 
 def parameter_rows(
@@ -52,31 +43,40 @@ def parameter_rows(
         places |= {_place(k) for c in present for k in model.limits.get(c, {})}
         found = {_place(k) for c in present for k in model.process(c).parameters}
         if short:
-            places = {p for p in places if p in found or p[0] == "random_walk.density"}
-        shown = sorted((p for p in places if p[0] in WORDS), key=_order)
-        for name, count in shown:
-            kind = kind_of(parameter_kind(present[0], name) or "scale factor")
-            unit = kind.datasheet if units == "datasheet" else kind.si
-            factor = scale(unit, parameter_kind(present[0], name) or "scale factor")
-            words = WORDS[name]
-            if any((name, k) in shown for k in (2, 3, 4)):
+            places = {p for p in places if p in found or p[:2] == ("random_walk", "density")}
+        shown = sorted((p for p in places if shown_words(f"{p[0]}.{p[1]}")), key=_order)
+        for place in shown:
+            kind, field, count = place
+            unit, factor = _unit(parameter_kind(present[0], f"{kind}.{field}"), units)
+            words = shown_words(f"{kind}.{field}")
+            if any((kind, field, k) in shown for k in (2, 3, 4)):
                 words = words.replace("Gauss-Markov", f"Gauss-Markov {count}")
-            cells = [_cell(model, c, (name, count), factor, compact) for c in channels]
-            first = (name, count) == shown[0]
+            cells = [_cell(model, c, place, factor, compact) for c in channels]
+            first = place == shown[0]
             rows.append((sensor if first else "", words, pretty(unit), *cells))
     return ("sensor", "parameter", "unit", "x", "y", "z"), tuple(rows)
 
 
-def _order(place: tuple[str, int]) -> tuple[int, int, int]:
+def _unit(kind: str | None, units: str) -> tuple[str, float]:
+    """Unit of a parameter and its size in SI; a plain number has none."""
+    if kind is None:
+        return "", 1.0
+    named = kind_of(kind)
+    unit = named.datasheet if units == "datasheet" else named.si
+    return unit, scale(unit, kind)
+
+
+def _order(place: Place) -> tuple[float, str, int, int]:
     """Put the parts in order, and within a part its fields."""
-    names = list(WORDS)
-    kinds = list(dict.fromkeys(name.split(".")[0] for name in names))
-    return kinds.index(place[0].split(".")[0]), place[1], names.index(place[0])
+    kind, field, number = place
+    cls, _ = class_and_number(kind)
+    if cls is None:
+        return math.inf, kind, number, 0
+    names = [f.name for f in fields(cls)]  # type: ignore[arg-type]
+    return cls.rank, kind, number, names.index(field) if field in names else len(names)
 
 
-def _cell(
-    model: NoiseModel, channel: str, place: tuple[str, int], factor: float, compact: bool
-) -> str:
+def _cell(model: NoiseModel, channel: str, place: Place, factor: float, compact: bool) -> str:
     if channel not in model.channels:
         return MISSING
     errors = model.standard_errors.get(channel, {})

@@ -1,0 +1,116 @@
+"""`schuler read`: what is in a file, and what reading it takes for granted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from schuler.cli.options.reading import AnyReading
+
+if TYPE_CHECKING:
+    from schuler.data import GnssRecording, ImuRecording
+
+
+def read(
+    file: Path,
+    /,
+    *,
+    kind: Annotated[Literal["imu", "gnss"] | None, Parameter(name=("--as",))] = None,
+    save_profile: Path | None = None,
+    json: Path | None = None,
+    reading: AnyReading = AnyReading(),
+) -> int:
+    """Read a file and say what is in it and what was taken for granted.
+
+    Example: `schuler read log.csv`
+
+    Parameters
+    ----------
+    file : Path
+        Recording in any format that is read; see `schuler formats`.
+    kind : {"imu", "gnss"}, optional
+        What to read of a file that can hold both; by default the IMU where there is one.
+    save_profile : Path, optional
+        Write the options of this call and the units found to a profile, for --profile of other
+        commands.
+    json : Path, optional
+        Write what was found here; - for standard output.
+    reading : AnyReading, optional
+        How to read the file.
+    """
+    from schuler.cli.console import Screen
+    from schuler.cli.outputs import STDOUT, Outputs, json_text
+    from schuler.io.folder import file_in_folder
+    from schuler.io.profile import save_profile as write_profile
+    from schuler.io.registry import format_of
+
+    how = reading
+    outputs = Outputs(json, inputs=(file,))
+    place = file_in_folder(file, kind or "imu") if file.is_dir() else file
+    form = format_of(place)
+    chosen, recording = _read(file, form.holds, kind, how)
+    if save_profile is not None:
+        write_profile(save_profile, chosen, how.options(chosen), recording)
+    found = _summary(chosen, form.title, recording)
+    outputs.text(json, lambda: json_text(found))
+    written = outputs.commit()
+    screen = Screen(json_on_stdout=json == STDOUT)
+    screen.heading(f"{recording.name}", f"{form.title}, read as {chosen}")
+    for name, value in found["facts"].items():
+        screen.line(f"{name}: {value}")
+    for line in recording.history[1:]:
+        if line not in recording.assumptions:
+            screen.finding("info", line)
+    for path in (*written, *((save_profile,) if save_profile else ())):
+        screen.line(f"wrote {path}", "dim")
+    return 0
+
+
+def _read(
+    file: Path, holds: tuple[str, ...], kind: Literal["imu", "gnss"] | None, how: AnyReading
+) -> tuple[Literal["imu", "gnss"], ImuRecording | GnssRecording]:
+    """Read what was asked for, or the IMU of a file, or its GNSS where it has no IMU."""
+    from schuler.cli.loading import load_gnss, load_imu
+    from schuler.errors import InputError
+
+    if kind == "gnss" or (kind is None and "imu" not in holds):
+        return "gnss", load_gnss(file, how.options("gnss"))
+    try:
+        return "imu", load_imu(file, how.options("imu"))
+    except InputError as error:
+        if kind is not None or "gnss" not in holds:
+            raise
+        try:
+            return "gnss", load_gnss(file, how.options("gnss"))
+        except InputError:
+            raise error from None
+
+
+def _summary(kind: str, title: str, recording: ImuRecording | GnssRecording) -> dict[str, Any]:
+    import numpy as np
+
+    from schuler.data import ImuRecording
+
+    facts: dict[str, Any] = {"rows": recording.size, "duration_s": recording.duration}
+    if isinstance(recording, ImuRecording):
+        facts |= {"rate_hz": recording.rate, "channels": ", ".join(recording.channels)}
+        if recording.complete:
+            facts["median_specific_force_m_s2"] = float(
+                np.median(np.linalg.norm(recording.accel, axis=1))
+            )
+    else:
+        facts["latitude_deg"], facts["longitude_deg"] = map(
+            float, np.degrees(recording.position[0, :2])
+        )
+        facts["height_m"] = float(recording.position[0, 2])
+        facts["velocity"] = "yes" if recording.velocity is not None else "no"
+    return {
+        "kind": kind,
+        "format": title,
+        "name": recording.name,
+        "facts": facts,
+        "assumptions": list(recording.assumptions),
+        "history": list(recording.history),
+    }

@@ -1,0 +1,190 @@
+"""The one climb of this house: damped Newton, scoring and Levenberg-Marquardt steps in bounds.
+
+All problems have the same form: a value to make small, its downhill pull (minus half the gradient
+by the parameters) and a curvature (half the second derivatives, or what stands for them: J'J of
+least squares, Fisher's information of a likelihood). A step solves
+(curvature + damping diag) step = pull; what costs more than it gains is damped more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.types import FloatArray
+
+State = TypeVar("State")
+
+LADDER = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
+"""Dampings that are tried one after the other where every step begins undamped."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slopes(Generic[State]):
+    """What a problem answers at one place.
+
+    Parameters
+    ----------
+    value : float
+        To be made small.
+    pull : (p,) ndarray
+        Minus half its gradient.
+    curvature : (p, p) ndarray
+        Half its second derivatives, or what stands for them.
+    state : State
+        Whatever the caller wants to have back at the end.
+    """
+
+    value: float
+    pull: FloatArray
+    curvature: FloatArray
+    state: State
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Minimum(Generic[State]):
+    """Where a climb ended."""
+
+    at: FloatArray
+    slopes: Slopes[State]
+    converged: bool
+
+    @property
+    def value(self) -> float:
+        """What was made small."""
+        return self.slopes.value
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a climb steps and when it ends.
+
+    Parameters
+    ----------
+    iterations : int
+        Steps and failed steps.
+    damping, least, most : float
+        First damping; it falls tenfold with every success down to `least`, and grows tenfold with
+        every failure up to `most`, beyond which nothing can be gained.
+    longest : float
+        Largest change of one parameter in one step.
+    floor, ridge : float
+        Least diagonal of the curvature, and a damping that is always there.
+    gain : tuple of (float, float)
+        The climb ends when a step gains less than gain[0] (1 + gain[1] value).
+    close : float
+        It also ends when the pull promises less than this; 0: not looked at.
+    rounding : float
+        A step may lose so much of the value to rounding.
+    hold : bool
+        Parameters at a bound that pull beyond it are held there.
+    ladder : bool
+        Every step begins undamped and is damped only as far as needed; strict descent.
+    """
+
+    iterations: int = 60
+    damping: float = 1e-2
+    least: float = 1e-9
+    most: float = 1e10
+    longest: float = 1.5
+    floor: float = 1e-8
+    ridge: float = 0.0
+    gain: tuple[float, float] = (0.0, 0.0)
+    close: float = 0.0
+    rounding: float = 0.0
+    hold: bool = True
+    ladder: bool = False
+
+
+Move = Callable[[FloatArray, FloatArray], FloatArray | None]
+"""Where a step leads from a place; None where it leads nowhere."""
+
+
+def minimise(
+    evaluate: Callable[[FloatArray], Slopes[State]],
+    start: FloatArray,
+    bounds: tuple[FloatArray | float, FloatArray | float],
+    rules: Rules,
+    move: Move | None = None,
+) -> Minimum[State]:
+    """Follow damped steps downhill within bounds.
+
+    Without `move` a step is cut to the longest and to the bounds.
+    """
+    low, high = bounds
+
+    def cut(here: FloatArray, step: FloatArray) -> FloatArray | None:
+        return np.clip(here + np.clip(step, -rules.longest, rules.longest), low, high)
+
+    go, here, at = move or cut, start, evaluate(start)
+    damping = rules.damping
+    for _ in range(rules.iterations):
+        free = np.ones(here.size, dtype=bool)
+        if rules.hold:
+            free = ~(((here <= low) & (at.pull <= 0.0)) | ((here >= high) & (at.pull >= 0.0)))
+        if rules.close and promise(at.pull, at.curvature, free, rules) < rules.close:
+            return Minimum(here, at, True)
+        there = None
+        for tried in LADDER if rules.ladder else (damping,):
+            trial = go(here, damped_step(at.pull, at.curvature, tried, free, rules))
+            there = None if trial is None else evaluate(trial)
+            if there is not None and _better(there.value, at.value, rules):
+                break
+            there = None
+        if there is not None and trial is not None:
+            gained = at.value - there.value
+            here, at = trial, there
+            damping = max(0.1 * damping, rules.least)
+            if not rules.close and gained < rules.gain[0] * (1.0 + rules.gain[1] * at.value):
+                return Minimum(here, at, True)
+        else:
+            damping *= 10.0
+            if rules.ladder or damping > rules.most:
+                return Minimum(here, at, not rules.close)
+    return Minimum(here, at, False)
+
+
+def _better(there: float, here: float, rules: Rules) -> bool:
+    if rules.ladder:
+        return there < here
+    return math.isfinite(there) and there <= here + rules.rounding * abs(here)
+
+
+def promise(
+    pull: FloatArray, curvature: FloatArray, free: NDArray[np.bool_], rules: Rules | None = None
+) -> float:
+    """What an undamped step promises: squared distance in standard errors, Newton's decrement."""
+    if not (np.isfinite(pull).all() and np.isfinite(curvature).all()):
+        return math.inf
+    return float(pull @ damped_step(pull, curvature, 0.0, free, rules))
+
+
+def damped_step(
+    pull: FloatArray,
+    curvature: FloatArray,
+    damping: float,
+    free: NDArray[np.bool_] | None = None,
+    rules: Rules | None = None,
+) -> FloatArray:
+    """One damped step of some parameters, in units of the diagonal of the curvature.
+
+    Without rules a direction that the curvature does not see is left alone.
+    """
+    step = np.zeros(pull.size)
+    rows = np.arange(pull.size) if free is None else np.flatnonzero(free)
+    inner = curvature[np.ix_(rows, rows)]
+    if rows.size == 0 or not (np.isfinite(inner).all() and np.isfinite(pull).all()):
+        return step
+    if rules is None or rules.ladder:
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+        unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
+        step[rows] = scale * np.linalg.lstsq(unit, scale * pull[rows], rcond=1e-15)[0]
+        return step
+    diagonal = np.maximum(np.diag(inner), rules.floor)
+    step[rows] = np.linalg.solve(inner + (rules.ridge + damping) * np.diag(diagonal), pull[rows])
+    return step

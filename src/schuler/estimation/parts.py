@@ -1,0 +1,217 @@
+"""Sums of processes as the parameters of a fit: logarithms in, model and derivatives out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler.errors import InputError, ModelError
+from schuler.noise import (
+    BiasInstability,
+    GaussMarkov,
+    Process,
+    ProcessSum,
+    Quantization,
+    RandomWalk,
+    RateRamp,
+    WhiteNoise,
+)
+from schuler.types import FloatArray
+
+Names = tuple[tuple[int, str], ...]
+"""Part and field of every free parameter."""
+Shape = Callable[[Process], FloatArray]
+"""What a process puts into every point of a curve."""
+
+_STEP = 1e-4
+_TIMES_BEYOND = 20.0
+_NORMAL = 1.959964
+_ONE_SIDED = 1.645
+_VANISHED = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedParts:
+    """The best parameters of one structure.
+
+    Parameters
+    ----------
+    parts : tuple of Process
+        Fitted.
+    names : tuple of (int, str)
+        Part and field of every free parameter.
+    log_covariance : (p, p) ndarray
+        Covariance of the logarithms of the free parameters.
+    cost : float
+        What was made small: misfit or deviance.
+    converged : bool
+        The iteration ended by itself.
+    """
+
+    parts: tuple[Process, ...]
+    names: Names
+    log_covariance: FloatArray
+    cost: float
+    converged: bool
+
+    @property
+    def process(self) -> ProcessSum:
+        """The fitted sum."""
+        return ProcessSum(self.parts)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of the parts."""
+        return tuple(p.kind for p in self.parts)
+
+    @property
+    def logs(self) -> FloatArray:
+        """Logarithms of the free parameters."""
+        return logs_of(self.parts, self.names)
+
+
+def free_parameters(parts: Sequence[Process]) -> Names:
+    """List part and field of everything a fit finds."""
+    return tuple((k, name) for k, part in enumerate(parts) for name in part.free)
+
+
+def logs_of(parts: Sequence[Process], names: Names) -> FloatArray:
+    """Logarithms of the free parameters."""
+    return np.array([math.log(max(abs(getattr(parts[k], n)), 1e-300)) for k, n in names])
+
+
+def with_logs(parts: Sequence[Process], names: Names, logs: FloatArray) -> tuple[Process, ...]:
+    """Return the parts with other values of their free parameters."""
+    values: list[dict[str, float]] = [{} for _ in parts]
+    for (k, name), log in zip(names, logs, strict=True):
+        values[k][name] = math.exp(log)
+    return tuple(
+        replace(p, **v) if v else p  # type: ignore[type-var]
+        for p, v in zip(parts, values, strict=True)
+    )
+
+
+def log_bounds(
+    parts: Sequence[Process], names: Names, shortest: float, duration: float
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds of the logarithms: times stay between `shortest` and twenty times the record."""
+    timed = np.array([parts[k].described(n).role == "time" for k, n in names], dtype=bool)
+    low = np.where(timed, math.log(shortest), -np.inf)
+    high = np.where(timed, math.log(_TIMES_BEYOND * duration), np.inf)
+    return low, high
+
+
+def evaluate(
+    parts: Sequence[Process], names: Names, logs: FloatArray, shape: Shape
+) -> tuple[FloatArray, FloatArray]:
+    """Return the model (t,) and its derivatives (t, p) by the logarithms of the parameters."""
+    now = with_logs(parts, names, logs)
+    components = [shape(p) for p in now]
+    total = np.asarray(np.sum(components, axis=0))
+    jacobian = np.empty((total.size, len(names)))
+    for j, (k, name) in enumerate(names):
+        if name == now[k].size_name():
+            jacobian[:, j] = now[k].growth * components[k]
+        else:
+            moved = replace(now[k], **{name: math.exp(logs[j] + _STEP)})  # type: ignore[type-var]
+            jacobian[:, j] = (shape(moved) - components[k]) / _STEP
+    return total, jacobian
+
+
+def under(part: Process, values: FloatArray, shape: Shape, share: float) -> Process:
+    """Give a part the size at which it nowhere passes a share of a curve."""
+    if not part.size_name() or part.size_name() not in part.free:
+        return part
+    unit = part.with_size(1.0)
+    level = float(np.min(values / np.maximum(shape(unit), 1e-300)))
+    return unit.with_size((share * level) ** (1.0 / part.growth))
+
+
+LETTERS = {"W": "white noise", "Q": "quantisation", "B": "bias instability (flicker)",
+           "G": "Gauss-Markov noise", "K": "random walk", "R": "ramp"}  # fmt: skip
+"""How a structure is spelled, such as W+B+K."""
+
+
+def is_structure(model: object) -> bool:
+    """Whether a model is spelled by its letters, which say nothing of times."""
+    return isinstance(model, str) and model != "auto"
+
+
+def checked_model(model: object) -> str | Process:
+    """Return a model that a method can understand."""
+    if isinstance(model, Process) or model in ("auto", "classical"):
+        return model
+    letters = model.upper().replace(" ", "").split("+") if isinstance(model, str) else []
+    once = all(letters.count(a) == 1 for a in letters if a != "G") and letters.count("G") <= 3
+    if letters and once and all(a in LETTERS for a in letters):
+        return "+".join(letters)
+    raise InputError(
+        f"model '{model}'",
+        expected="'auto', 'classical', a process, or letters such as W+B+K out of "
+        + ", ".join(f"{a} ({words})" for a, words in LETTERS.items()),
+        cure="G may occur up to three times, the others once",
+    )
+
+
+def parts_of_model(model: object, dt: float, duration: float, shown_by: str) -> tuple[Process, ...]:
+    """Parts of a structure that was asked for, with at least one parameter to fit."""
+    model = checked_model(model)
+    if isinstance(model, str):
+        letters = "WBK" if model == "classical" else model.replace("+", "")
+        times = iter(np.geomspace(3.0 * dt, duration / 5.0, letters.count("G") + 2)[1:-1])
+        units: dict[str, Callable[[], Process]] = {
+            "W": lambda: WhiteNoise(1.0),
+            "Q": lambda: Quantization(1.0),
+            "B": lambda: BiasInstability.of_samples(1.0, dt, duration),
+            "G": lambda: GaussMarkov(1.0, float(next(times))),
+            "K": lambda: RandomWalk(1.0),
+            "R": lambda: RateRamp(1.0),
+        }
+        return tuple(units[a]() for a in letters)
+    if not free_parameters(model.components):
+        raise ModelError(f"the model has no parameter that {shown_by} shows")
+    return model.components
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimates:
+    """Fitted numbers by name: standard errors, 95 % intervals, limits of what has vanished."""
+
+    errors: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    limits: dict[str, float]
+
+
+def estimates_of(parts: Sequence[Process], names: Names, log_covariance: FloatArray) -> Estimates:
+    """Put the covariance of the logarithms into words."""
+    keys = ProcessSum(tuple(parts)).names
+    found = Estimates({}, {}, {})
+    for j, (k, name) in enumerate(names):
+        key = f"{keys[k]}.{name}"
+        value = abs(float(getattr(parts[k], name)))
+        spread = min(math.sqrt(max(float(log_covariance[j, j]), 0.0)), 50.0)
+        found.errors[key] = min(value * spread, 1e3 * value)
+        reach = math.exp(_NORMAL * spread)
+        found.intervals[key] = (value / reach, value * reach)
+        if spread > _VANISHED:
+            found.limits[key] = value * math.exp(min(_ONE_SIDED * spread, 20.0))
+    return found
+
+
+def parameters_to_dict(
+    parameters: Mapping[str, float],
+    errors: Mapping[str, float],
+    intervals: Mapping[str, tuple[float, float]],
+) -> dict[str, dict[str, object]]:
+    """Return values, errors and intervals for JSON."""
+    return {
+        key: {
+            "value": value,
+            "standard_error": errors[key],
+            "interval_95": list(intervals[key]),
+        }
+        for key, value in parameters.items()
+    }

@@ -1,0 +1,209 @@
+"""The table of formats: ours by module, those of users by the entry points ``schuler.formats``."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from schuler.errors import InputError
+from schuler.io.format import Format, Start, What
+from schuler.io.source import Source, existing_file
+from schuler.plugins import plugins
+
+GROUP = "schuler.formats"
+_READ = "schuler.io.formats."
+_TABLES = "schuler.io.tables."
+_TRACKS = "schuler.io.trajectories."
+_NOISE = "schuler.io.noise_forms."
+
+_READERS = (
+    *(_READ + m for m in ("rosbag", "ulog", "dataflash", "ubx", "novatel", "nmea", "matlab")),
+    *(_READ + m for m in ("rtklib", "sbet", "kitti", "gnss_logger", "phone_folder", "long_rows")),
+    *(_READ + m for m in ("loggers", "inertial_explorer", "kf_gins")),
+    *(_TABLES + m for m in ("parquet", "npz", "json_lines", "text")),
+)
+_TRAJECTORY_WRITERS = tuple(_TRACKS + m for m in ("local", "receivers", "maps"))
+_NOISE_WRITERS = tuple(_NOISE + m for m in ("ros", "slam", "post_processing"))
+
+
+@cache
+def formats() -> tuple[Format, ...]:
+    """Return every format that is known, those of users first."""
+    return (*_of_users(), *_ours())
+
+
+def _ours() -> tuple[Format, ...]:
+    found: list[Format] = []
+    for name in (*_READERS, *_TRAJECTORY_WRITERS, *_NOISE_WRITERS):
+        found += import_module(name).FORMATS
+    return tuple(found)
+
+
+@cache
+def _readers() -> tuple[Format, ...]:
+    own = [f for name in _READERS for f in import_module(name).FORMATS]
+    return tuple(f for f in (*_of_users(), *own) if f.open is not None)
+
+
+@cache
+def _of_users() -> tuple[Format, ...]:
+    return tuple(f for name, value in plugins(GROUP).items() for f in _loaded(name, value))
+
+
+def _loaded(name: str, value: str) -> tuple[Format, ...]:
+    """Load the formats of an entry point; what is no `Format` is named."""
+    module, _, attribute = value.partition(":")
+    who = f"format '{name}' of {value}"
+    try:
+        given = getattr(import_module(module.strip()), attribute.strip())
+    except Exception as error:
+        raise InputError(
+            f"{who} cannot be loaded ({type(error).__name__}: {error})",
+            expected=f"'{value}' to name a schuler.io.Format",
+            cure="correct or uninstall the package of this format",
+        ) from error
+    found = given if isinstance(given, tuple) else (given,)
+    for one in found:
+        problem = _problem(one)
+        if problem:
+            raise InputError(
+                f"{who} {problem[0]}",
+                expected=problem[1],
+                cure="correct or uninstall the package of this format",
+            )
+    return found
+
+
+def _problem(given: Any) -> tuple[str, str] | None:
+    """Return what is wrong with a user's format, and what was expected."""
+    if not isinstance(given, Format):
+        return f"is a {type(given).__name__}", "a schuler.io.Format"
+    if not (isinstance(given.name, str) and given.name and isinstance(given.title, str)):
+        return "has no name or no title", "both as text"
+    for field in ("detect", "open", "write_trajectory", "write_recording", "write_noise"):
+        value = getattr(given, field)
+        if value is not None and not callable(value):
+            return f"has {field}={value!r}", "a function or None"
+    if given.open is not None and not (given.magic or given.detect):
+        return "can be opened but not recognised", "magic= or detect="
+    if given.open is not None and not given.holds:
+        return "can be opened but does not say what it holds", "holds= out of imu, gnss, sensor"
+    return None
+
+
+def format_of(path: Path) -> Format:
+    """Find the format of a file or a folder: by its content, not by its name."""
+    if not path.is_dir():
+        existing_file(path)
+    start = Start(path)
+    for one in _readers():
+        try:
+            if one.recognises(start):
+                return one
+        except InputError:
+            raise
+        except Exception as error:
+            raise _broken(one, f"failed to recognise a file ({type(error).__name__}: {error})",
+                          "detect to take a Start and return True or False") from error  # fmt: skip
+    _refuse_false_name(path)
+    raise InputError(
+        "the file is not text and not of a known format",
+        expected=f"one of: {', '.join(f.title for f in _readers())}",
+        cure="`schuler formats` lists them with their endings",
+        where=str(path),
+    )
+
+
+def _refuse_false_name(path: Path) -> None:
+    ending = path.suffix.lower()
+    for one in _readers():
+        if one.magic and ending in one.suffixes:
+            raise InputError(
+                f"the name says {one.title}, the content does not",
+                expected=f"a file that begins with {one.magic[0]!r}",
+                cure="check that the copy was complete, or rename the file",
+                where=str(path),
+            )
+
+
+def open_with(one: Format, path: Path, what: What, options: Any) -> Source:
+    """Open a file with its format; what comes back must be a `Source`."""
+    if what not in one.holds:
+        held = " and ".join({"imu": "an IMU", "gnss": "GNSS"}.get(h, f"a {h}") for h in one.holds)
+        wanted = {"imu": "an IMU recording", "gnss": "a GNSS recording"}.get(what, "a sensor")
+        raise InputError(
+            f"this is a file of {one.title}, which holds {held or 'no recordings'}",
+            expected=wanted,
+            where=str(path),
+        )
+    assert one.open is not None
+    try:
+        source = one.open(path, what, options)
+    except InputError:
+        raise
+    except Exception as error:
+        if one in _of_users():
+            raise _broken(one, f"failed to open {path.name} ({type(error).__name__}: {error})",
+                          "a Source, or an InputError") from error  # fmt: skip
+        raise
+    lacks = [m for m in ("path", "names", "units", "rate", "history", "assumptions", "is_text",
+                         "load", "place") if not hasattr(source, m)]  # fmt: skip
+    if lacks:
+        raise _broken(one, f"opened {path.name} as a {type(source).__name__} without {lacks[0]}",
+                      "a schuler.io.Source, such as schuler.io.MemorySource")  # fmt: skip
+    return source
+
+
+def _broken(one: Format, what: str, expected: str) -> InputError:
+    return InputError(f"format '{one.name}' {what}", expected=expected, cure="correct the format")
+
+
+def folder_formats() -> tuple[Format, ...]:
+    """Return the formats that may be a whole folder."""
+    return tuple(f for f in _readers() if f.detect is not None)
+
+
+def suffixes() -> frozenset[str]:
+    """Return the endings of all files that can be read."""
+    return frozenset(s for f in _readers() for s in f.suffixes)
+
+
+def trajectory_format(name: str) -> Format:
+    """Find a writer of trajectories by its name or by the ending of a file."""
+    writers = [f for f in formats() if f.write_trajectory is not None]
+    for one in writers:
+        if name.lower() == one.name or name.lower() in one.suffixes:
+            return one
+    endings = sorted({s for f in writers for s in f.suffixes[:1]})
+    raise InputError(
+        f"ending '{name}' is not known" if name.startswith(".") or not name
+        else f"'{name}' is no form of a trajectory",
+        expected=f"out of {', '.join(f.name for f in writers)}, or an ending out of "
+        f"{', '.join(endings)}",
+    )  # fmt: skip
+
+
+def recording_format(name: str) -> Format:
+    """Find a writer of recordings by its name or by the ending of a file."""
+    writers = [f for f in formats() if f.write_recording is not None]
+    for one in writers:
+        if name.lower() == one.name or name.lower() in one.suffixes:
+            return one
+    raise InputError(
+        f"recordings are not written as '{name}'",
+        expected=f"out of {', '.join(f.name for f in writers)}, or their endings",
+    )
+
+
+def noise_format(name: str) -> Format:
+    """Find a writer of noise models by its name."""
+    writers = [f for f in formats() if f.write_noise is not None]
+    for one in writers:
+        if name.lower() == one.name:
+            return one
+    raise InputError(
+        f"'{name}' is no form of a noise model",
+        expected=f"out of {', '.join(f.name for f in writers)}",
+    )

@@ -1,0 +1,1 @@
+"""Tables of named columns: text, Parquet, NumPy archives, JSON lines."""

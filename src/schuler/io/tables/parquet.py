@@ -1,0 +1,127 @@
+"""Parquet: columns in a binary file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from schuler.errors import InputError
+from schuler.io.columns import bare
+from schuler.io.format import Format, What
+from schuler.io.source import Columns
+from schuler.io.tables.numbers import RATE_NAMES, positive_rate, seconds_of_nanoseconds
+from schuler.io.trajectories.table import recording_parquet, write_parquet
+
+if TYPE_CHECKING:
+    from schuler.io.options import ReadOptions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParquetSource:
+    """A Parquet file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    names : tuple of str
+        Names of its columns.
+    kinds : dict of str to str
+        "number", "text", "moment" (date and time) or "other", by name.
+    rate : float or None
+        Sampling rate in Hz, from the file's key-value metadata.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    kinds: dict[str, str]
+    rate: float | None = None
+    units: dict[str, str] = field(default_factory=dict)
+    history: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+
+    def is_text(self, name: str) -> bool:
+        """Tell whether a column holds text."""
+        return self.kinds[name] == "text"
+
+    def load(self, names: Sequence[str]) -> Columns:
+        """Read columns as float64 (NaN: missing), moments as seconds of the Unix epoch."""
+        import polars
+
+        other = [n for n in names if self.kinds[n] == "other"]
+        if other:
+            raise InputError(
+                "the column holds no plain numbers",
+                expected="one number a row",
+                where=f"{self.path}, column '{other[0]}'",
+            )
+        try:
+            frame = polars.read_parquet(self.path, glob=False, columns=list(dict.fromkeys(names)))
+        except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
+            raise _damaged(self.path, error) from None
+        columns: Columns = {}
+        for name in names:
+            series = frame[name]
+            if self.kinds[name] == "moment":
+                series = series.cast(polars.Datetime("ns")).cast(polars.Int64)
+                columns[name] = seconds_of_nanoseconds(series.to_numpy())
+            elif self.kinds[name] == "text":
+                columns[name] = series.fill_null("").to_numpy().astype(str)
+            else:
+                series = series if series.dtype.is_float() else series.cast(polars.Float64)
+                columns[name] = series.fill_null(float("nan")).to_numpy()
+        return columns
+
+    def place(self, row: int, name: str = "") -> str:
+        """Return file, row (counted from 0) and column."""
+        column = f", column '{name}'" if name else ""
+        return f"{self.path}, row {row}{column}"
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return InputError(
+        f"the Parquet file is cut short or damaged ({reason[:80]})",
+        expected="a complete Parquet file",
+        cure="copy or write it again",
+        where=str(path),
+    )
+
+
+def open_parquet(path: Path, what: What, options: ReadOptions) -> ParquetSource:
+    """Open a Parquet file."""
+    import polars
+
+    try:
+        # Opened here: a path with brackets would be taken for a pattern.
+        with path.open("rb") as file:
+            schema = polars.read_parquet_schema(file)
+        metadata = polars.read_parquet_metadata(path)
+    except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
+        raise _damaged(path, error) from None
+    kinds = {}
+    for name, dtype in schema.items():
+        if dtype.is_numeric() or dtype == polars.Boolean:
+            kinds[name] = "number"
+        elif dtype == polars.String:
+            kinds[name] = "text"
+        else:
+            kinds[name] = "moment" if isinstance(dtype, polars.Datetime) else "other"
+    rates = [v for k, v in metadata.items() if bare(k) in RATE_NAMES]
+    return ParquetSource(path, tuple(schema), kinds, positive_rate(rates[0]) if rates else None)
+
+
+FORMATS = (
+    Format(
+        "parquet",
+        "a Parquet file",
+        (".parquet",),
+        ("imu", "gnss", "sensor"),
+        magic=(b"PAR1",),
+        open=open_parquet,
+        write_trajectory=write_parquet,
+        write_recording=recording_parquet,
+    ),
+)

@@ -1,0 +1,132 @@
+"""Clocks that wrap round, start again, or stamp several samples at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from schuler.io.notes import Notes
+from schuler.types import FloatArray
+
+_DAY, _WEEK = 86400.0, 604800.0
+_NEAR = 50.0  # steps within which a clock must be of its end when it wraps round
+_SHARED = 0.2  # share of repeated stamps from which they are packets
+
+
+def _rounds() -> Iterator[tuple[float, float, str]]:
+    """Yield where clocks wrap round, to what, and how that is called."""
+    for bits in (8, 16, 24, 32):
+        yield 2.0**bits, 0.0, f"2^{bits}"
+    for bits in (16, 32):
+        yield 2.0 ** (bits - 1), -(2.0 ** (bits - 1)), f"2^{bits}"
+    for seconds, word in ((_WEEK, "a week"), (_DAY, "a day"), (3600.0, "an hour")):
+        for scale in (1.0, 1e3, 1e6, 1e9):
+            yield seconds * scale, 0.0, word
+    # Counters of microseconds shown in other units.
+    for scale, word in ((1e-6, "2^32 us"), (1e-3, "2^32 us")):
+        yield 2.0**32 * scale, 0.0, word
+
+
+def unwrapped(values: FloatArray, what: str, notes: Notes) -> FloatArray:
+    """Return a counter without its jumps back from a power of two, a day or a week."""
+    step = np.diff(values)
+    back = np.flatnonzero(step < 0.0)
+    if not back.size or back.size > max(8, 0.1 * step.size):
+        return values
+    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0
+    if not usual:
+        return values
+    near = _NEAR * usual
+    for top, bottom, word in _rounds():
+        if near >= 0.2 * (top - bottom):
+            continue
+        before, after = values[back], values[back + 1]
+        if np.all((before > top - near) & (before <= top + usual)) and np.all(
+            (after >= bottom) & (after < bottom + near)
+        ):
+            added = np.zeros(values.size)
+            added[back + 1] = top - bottom
+            times = "once" if back.size == 1 else f"{back.size} times"
+            notes.assumed(f"{what} wraps round at {word} {times}: undone")
+            return np.asarray(values + np.cumsum(added))
+    return values
+
+
+def packet_size(time: FloatArray) -> tuple[int, int] | None:
+    """Return the fewest and the most samples on one stamp, when stamps are those of packets."""
+    step = np.diff(time)
+    if not step.size or (step < 0.0).any() or np.mean(step == 0.0) < _SHARED:
+        return None
+    lengths = _lengths(time)
+    inner = lengths[1:-1] if lengths.size > 3 else lengths
+    if lengths.size < 3 or inner.max() > 3 * max(np.median(inner), 2.0):
+        return None
+    return int(inner.min()), int(inner.max())
+
+
+def _lengths(time: FloatArray) -> FloatArray:
+    edges = np.flatnonzero(np.diff(time) > 0.0) + 1
+    return np.diff(np.concatenate([[0], edges, [time.size]])).astype(np.float64)
+
+
+def spread_packets(time: FloatArray, notes: Notes) -> FloatArray:
+    """Spread the samples that share a stamp evenly over the time since the stamp before."""
+    size = packet_size(time)
+    if size is None:
+        return time
+    lengths = _lengths(time).astype(np.int64)
+    stamps = time[np.cumsum(lengths) - 1]
+    usual = float(np.median(np.diff(stamps)))
+    before = np.concatenate([[stamps[0] - usual], stamps[:-1]])
+    share = np.concatenate([np.arange(1, n + 1) / n for n in lengths])
+    whole = np.repeat(stamps - before, lengths)
+    text = f"{size[0]}" if size[0] == size[1] else f"{size[0]} to {size[1]}"
+    notes.assumed(f"packets of {text} samples on one stamp: spread evenly up to their stamp")
+    return np.asarray(np.repeat(before, lengths) + share * whole)
+
+
+def joined_restarts(time: FloatArray, notes: Notes) -> FloatArray:
+    """Put what was recorded after a restart of the clock behind what was before it."""
+    step = np.diff(time)
+    back = np.flatnonzero(step < 0.0)
+    forward = step[step > 0.0]
+    if not back.size or not forward.size or back.size > 20:
+        return time
+    usual = float(np.median(forward))
+    starts = np.concatenate([[0], back + 1, [time.size]])
+    pieces = np.diff(starts)
+    # A stamp out of order comes back to the clock at once; a restart goes on from where it fell.
+    if pieces.min() < 10 or np.abs(step[back]).min() < 20.0 * usual:
+        return time
+    if np.any(np.abs(step[back + 1] - usual) > 5.0 * usual):
+        return time
+    added = np.zeros(time.size)
+    added[back + 1] = usual - step[back]
+    rows = ", ".join(str(int(k) + 2) for k in back[:4])
+    notes.assumed(
+        f"the clock starts again {'once' if back.size == 1 else f'{back.size} times'} (at sample "
+        f"{rows}): the parts are put behind each other, the pause between them is not known"
+    )
+    return np.asarray(time + np.cumsum(added))
+
+
+def between_neighbours(time: FloatArray, notes: Notes) -> FloatArray:
+    """Give a sample whose stamp repeats the one before the middle of the gap that follows it."""
+    step = np.diff(time)
+    repeats = np.flatnonzero(step == 0.0) + 1
+    if not repeats.size or repeats.size > _SHARED * time.size or not (step > 0.0).any():
+        return time
+    usual = float(np.median(step[step > 0.0]))
+    inner = repeats[repeats < time.size - 1]
+    gap = time[inner + 1] - time[inner]
+    fits = inner[(gap > 1.5 * usual) & (gap < 2.5 * usual)]
+    if not fits.size:
+        return time
+    result = time.copy()
+    result[fits] += (time[fits + 1] - time[fits]) / 2.0
+    notes.assumed(
+        f"{fits.size} stamps that repeat the one before, with a gap of two steps behind: put in "
+        "the middle"
+    )
+    return result

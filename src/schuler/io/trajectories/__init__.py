@@ -1,0 +1,1 @@
+"""Trajectories in the forms of other programs: one module a form, each with its `Format`."""

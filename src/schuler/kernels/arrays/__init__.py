@@ -1,0 +1,1 @@
+"""Redundant axes followed sample by sample: fusion, parity, faults."""

@@ -1,0 +1,1 @@
+"""Strapdown, error-state filter and smoother: plain functions over structures of arrays."""

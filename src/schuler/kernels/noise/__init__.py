@@ -1,0 +1,1 @@
+"""Passes over long signals: variances, likelihoods, one-step predictions."""

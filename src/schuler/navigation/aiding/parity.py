@@ -1,0 +1,114 @@
+"""What redundant sensors say of each other's biases, as a measurement of the filter. Spec 7.5.
+
+GNSS sees the biases of an array only as far as they are fused, pi b. The other combinations,
+V b with V A = 0, show in the parity vector V ell directly: motion has no part in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.arrays.merit import parity_matrix
+from schuler.data.array import ImuArray
+from schuler.errors import InputError
+from schuler.navigation.aiding.schedule import AidingSchedule, linear_measurements, merge_schedules
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.mechanizations.array_model import Fusion, sensor_directions
+from schuler.navigation.mechanizations.array_recording import arm_forces
+from schuler.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parity:
+    """Means of the parity vector over intervals that do not overlap.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Complete.
+    fusion : Fusion
+        With which the filter is fed; it has to be the least-squares one, as then the noise of the
+        parity and that of the fused measurement are not correlated.
+    models : sequence of SensorErrorModel
+        One for each IMU, in its own axes, in the order of `extended_model`.
+    states : int
+        Sensor states of the filter, of which those of the models are the first.
+    interval : float
+        Seconds that are averaged.
+    """
+
+    array: ImuArray
+    fusion: Fusion
+    models: Sequence[SensorErrorModel]
+    states: int
+    interval: float = 1.0
+
+    def rows(self) -> AidingSchedule:
+        """Return the measurements: 3 (k - 1) of the accelerometers, as many of the gyros."""
+        ends = interval_ends(self.array.time, self.interval)
+        parts = []
+        for kind, values in ((0, self.array.accel), (1, self.array.gyro)):
+            white = np.concatenate([m.white_density[3 * kind : 3 * kind + 3] for m in self.models])
+            if not np.all(white > 0.0):
+                raise InputError(
+                    "a parity update with sensors without white noise",
+                    expected="a noise model with white noise on every axis",
+                )
+            parity = parity_matrix(self.fusion.axes, white)
+            seen = values.reshape(self.array.size, -1)
+            if kind == 0:
+                seen = seen - arm_forces(self.array, self.fusion)
+            total = np.concatenate([np.zeros((1, seen.shape[1])), np.cumsum(seen, axis=0)])
+            mean = (total[ends[1:] + 1] - total[ends[:-1] + 1]) / np.diff(ends)[:, None]
+            span = float(np.median(np.diff(self.array.time[ends])))
+            parts.append(
+                linear_measurements(
+                    self.array.time[ends[1:]],
+                    mean @ parity.T,
+                    parity @ axis_rows(self.models, kind, self.states),
+                    (parity * white**2) @ parity.T / span,
+                )
+            )
+        return merge_schedules(parts, float(self.array.time[0]), float(self.array.time[-1]))
+
+
+def axis_rows(models: Sequence[SensorErrorModel], kind: int, states: int) -> FloatArray:
+    """Return how all states show on the sensor axes of one kind."""
+    shown = np.zeros((3 * len(models), states))
+    first = 0
+    for i, model in enumerate(models):
+        own = sensor_directions(model).T
+        own = np.where((model.channel >= 0) & (model.channel // 3 == kind), own, 0.0)
+        shown[3 * i : 3 * i + 3, first : first + model.size] = own
+        first += model.size
+    return shown
+
+
+def parity_rows(
+    models: Sequence[SensorErrorModel], fusion: Fusion, states: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of the parity measurement on the sensor states, V b, whitened."""
+    white = [np.concatenate([m.white_density[3 * q : 3 * q + 3] for m in models]) for q in (0, 1)]
+    rows = [
+        parity_matrix(fusion.axes, w) @ axis_rows(models, q, states) for q, w in enumerate(white)
+    ]
+    return rows[0], rows[1]
+
+
+def interval_ends(time: FloatArray, interval: float) -> NDArray[np.int64]:
+    """Last samples of consecutive intervals, the start of the first included."""
+    if not interval > 0.0:
+        raise InputError(f"an interval of {interval:g} s", expected="a positive number")
+    marks = np.arange(time[0], time[-1] + 1e-9, interval)
+    ends = np.unique(np.searchsorted(time, marks - 1e-6 * interval))
+    if ends.size < 2:
+        raise InputError(
+            f"a recording of {time[-1] - time[0]:.2f} s with intervals of {interval:g} s",
+            expected="an interval that fits into the recording",
+        )
+    found: NDArray[np.int64] = ends.astype(np.int64)
+    return found

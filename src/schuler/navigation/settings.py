@@ -1,0 +1,72 @@
+"""What a user says about a run, in one object that is handed from function to function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.errors import InputError
+from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
+from schuler.navigation.aiding.vehicle import check_constraints
+from schuler.navigation.engine import SMOOTHER_MEMORY
+from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.types import FloatArray
+
+FALSE_ALARM = 1e-6
+"""Probability of refusing a good measurement."""
+
+TimeOffset: TypeAlias = Literal["estimate"] | float | tuple[float, float]
+Progress: TypeAlias = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NavigationSettings:
+    """What is known of a run, and how it is filtered; the keywords of `navigate`.
+
+    Parameters
+    ----------
+    lever_arm, heading, mounting, time_offset, tune_noise, aiding, false_alarm, smoother_memory,
+    turn_on_accel, turn_on_gyro, measurements
+        As for `navigate`, where each is explained.
+
+    Raises
+    ------
+    InputError
+        A lever arm that is no three numbers, or an aiding that is not known.
+    """
+
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0)
+    heading: float | None = None
+    mounting: FloatArray | None = None
+    time_offset: TimeOffset = "estimate"
+    tune_noise: bool | None = None
+    aiding: Sequence[str] = ()
+    false_alarm: float = FALSE_ALARM
+    smoother_memory: float = SMOOTHER_MEMORY
+    turn_on_accel: float = TURN_ON_ACCEL
+    turn_on_gyro: float = TURN_ON_GYRO
+    measurements: MeasurementOptions = PLAIN
+    arm: FloatArray = field(init=False)
+    constraints: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        arm = np.asarray(self.lever_arm, dtype=np.float64)
+        if arm.shape != (3,) or not np.isfinite(arm).all():
+            raise InputError(
+                f"lever arm is {self.lever_arm!r}", expected="three finite numbers in m"
+            )
+        object.__setattr__(self, "arm", arm)
+        object.__setattr__(self, "constraints", check_constraints(self.aiding))
+
+    @property
+    def estimates_offset(self) -> bool:
+        """Whether time offsets are looked for."""
+        return isinstance(self.time_offset, str)
+
+
+def nobody_listens(_: str) -> None:
+    """Progress that is told to nobody."""
