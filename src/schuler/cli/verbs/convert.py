@@ -28,6 +28,8 @@ def convert(
 ) -> int:
     """Write a recording, a trajectory or a noise model in another form.
 
+    Example: `schuler convert drive.bag imu.csv --as imu`
+
     Parameters
     ----------
     source : Path

@@ -14,6 +14,8 @@ _HELD = {"imu": "IMU", "gnss": "GNSS", "sensor": "sensors"}
 def formats(*, json: Path | None = None) -> int:
     """List the formats of files that are read and written.
 
+    Example: `schuler formats`
+
     Parameters
     ----------
     json : Path, optional

@@ -31,6 +31,8 @@ def geometry(
 ) -> int:
     """Compare arrangements of redundant sensors: noise, and which faults they show.
 
+    Example: `schuler geometry tetrahedron cone:6`
+
     Parameters
     ----------
     shapes : tuple of str

@@ -24,6 +24,8 @@ def read(
 ) -> int:
     """Read a file and say what is in it and what was taken for granted.
 
+    Example: `schuler read log.csv`
+
     Parameters
     ----------
     file : Path
