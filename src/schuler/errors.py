@@ -20,6 +20,15 @@ class SchulerError(Exception):
         What the user can do about it.
     where : str, optional
         File, line, column or time at which it was found.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> try:
+    ...     schuler.allan_deviation([1.0], 100.0)
+    ... except schuler.SchulerError as error:
+    ...     print(type(error).__name__)
+    InputError
     """
 
     def __init__(self, found: str, *, expected: str = "", cure: str = "", where: str = "") -> None:

@@ -43,6 +43,12 @@ class Geometry:
     ------
     InputError
         Wrong shapes, axes that are not of unit length, or axes that leave a direction unmeasured.
+
+    Examples
+    --------
+    >>> from schuler import Geometry
+    >>> Geometry.from_axes([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.6, 0.6]]).redundancy
+    1
     """
 
     axes: FloatArray

@@ -68,6 +68,15 @@ def allan_deviation(
     -----
     Spec 2.3; S004 (13). The intervals take the degrees of freedom of the noise whose slope the
     curve has about each tau.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import allan_deviation
+    >>> rate = np.random.default_rng(1).standard_normal(10_000)
+    >>> curve = allan_deviation(rate, 100.0, taus=[0.01, 1.0])
+    >>> curve.deviation.round(2)
+    array([1.  , 0.09])
     """
     if kind != "overlapping":
         return family_deviation(signal, rate, taus, kind)

@@ -32,6 +32,14 @@ class AllanCurve:
         Length of the signal.
     kind : str
         Which estimator, as of `allan_deviation`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import allan_deviation
+    >>> curve = allan_deviation(np.random.default_rng(1).standard_normal(10_000), 100.0)
+    >>> bool((curve.lower < curve.deviation).all() and (curve.deviation < curve.upper).all())
+    True
     """
 
     tau: FloatArray

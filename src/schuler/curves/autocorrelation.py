@@ -42,6 +42,13 @@ class AutocorrelationCurve(ToDict):
         Divisor n or n - k.
     flags : tuple of str
         "constant" for a signal that does not vary.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import autocorrelation
+    >>> autocorrelation(np.random.default_rng(1).standard_normal(500), 100.0, max_lag=0.05).lag
+    array([0.  , 0.01, 0.02, 0.03, 0.04, 0.05])
     """
 
     JSON = (
@@ -106,6 +113,15 @@ def autocorrelation(
     Spec 2.1; FFT with zeros to at least 2n, O(n log n). Robust band: sqrt(sum x²(t) x²(t+k)) over
     sum x², the standard deviation of the correlation of an uncorrelated series of any variance
     (compare S000, figures 9 to 11).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import autocorrelation
+    >>> signal = np.random.default_rng(1).standard_normal(10_000)
+    >>> curve = autocorrelation(signal, 100.0, max_lag=0.05)
+    >>> float(curve.correlation[0]), bool(abs(curve.correlation[1]) < curve.band[1])
+    (1.0, True)
     """
     if kind not in ("biased", "unbiased"):
         raise InputError(f"autocorrelation of kind '{kind}'", expected="'biased' or 'unbiased'")

@@ -49,6 +49,14 @@ class SpectrumCurve(ToDict):
     flags : tuple of str
         "constant"; "trend" where a straight line explains 95 % of the variance: a ramp is no
         noise, and its spectrum depends on the segment.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import power_spectral_density
+    >>> signal = np.random.default_rng(1).standard_normal(100_000)
+    >>> power_spectral_density(signal, 100.0, onesided=True).onesided
+    True
     """
 
     JSON = (
@@ -123,6 +131,15 @@ def power_spectral_density(
     Spec 2.2, S004 (12): Hann window, half overlap, mean of each segment removed. Degrees of
     freedom from the overlap of segments and of neighbouring bins (the window correlates them:
     2 x bins x segments x 0.95 would count nearly everything twice).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import power_spectral_density
+    >>> rate = np.random.default_rng(1).standard_normal(100_000)
+    >>> curve = power_spectral_density(rate, 100.0, onesided=False)
+    >>> round(float(np.median(curve.density)), 2)
+    0.01
     """
     values = finite_samples(signal, shortest=2 * _SHORTEST_SEGMENT)
     rate = checked_rate(rate)

@@ -70,6 +70,14 @@ class WaveletVarianceCurve(ToDict):
         the curve has been freed of.
     outliers : float
         "samples": share of samples that count for nothing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import wavelet_variance
+    >>> curve = wavelet_variance(np.random.default_rng(1).standard_normal(10_000), 100.0)
+    >>> (curve.variance[:2] * curve.scale[:2] * 100.0).round(1)
+    array([0.5, 0.5])
     """
 
     JSON = (
@@ -159,6 +167,14 @@ def wavelet_variance(
     Spec 10. Only coefficients inside the record count (unbiased MODWT estimate; Percival and
     Walden, Wavelet Methods for Time Series Analysis, 2000, ch. 8), so that the plain variance is
     exactly half the overlapping Allan variance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import wavelet_variance
+    >>> curve = wavelet_variance(np.random.default_rng(1).standard_normal(10_000), 100.0)
+    >>> curve.scale[:3]
+    array([0.01, 0.02, 0.04])
     """
     values = _checked(signal, rate)
     n = values.size

@@ -45,6 +45,16 @@ class ImuArray:
     InputError
         Wrong shapes, fewer than two samples, time not increasing, infinite values, two IMUs of
         the same name, or an IMU without any value.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting
+    >>> still = np.tile((0.0, 0.0, -9.81), (200, 2, 1))
+    >>> two = Mounting(np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
+    >>> array = ImuArray(np.arange(200) / 100.0, np.zeros((200, 2, 3)), still, two)
+    >>> array.gyro.shape
+    (200, 2, 3)
     """
 
     time: FloatArray

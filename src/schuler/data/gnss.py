@@ -47,6 +47,15 @@ class GnssRecording:
     InputError
         Wrong shapes, no epoch, time not increasing, latitude out of range, standard deviations
         that are zero or negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import GnssRecording
+    >>> place = np.tile((np.radians(48.1), np.radians(11.5), 520.0), (3, 1))
+    >>> gnss = GnssRecording(np.arange(3.0), place, position_sd=np.full((3, 3), 1.5))
+    >>> gnss.size
+    3
     """
 
     time: FloatArray

@@ -47,6 +47,15 @@ class ImuRecording:
     ------
     InputError
         Wrong shapes, fewer than two samples, time not increasing, values not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuRecording
+    >>> still = np.tile((0.0, 0.0, -9.81), (200, 1))
+    >>> imu = ImuRecording(np.arange(200) / 100.0, np.zeros((200, 3)), still)
+    >>> imu.size, round(imu.rate, 6)
+    (200, 100.0)
     """
 
     time: FloatArray

@@ -38,6 +38,13 @@ class Mounting:
     InputError
         Other shapes, no IMU, values that are not finite, or a matrix that is no rotation: a
         left-handed one (an axis or a sign swapped) or one that is not orthonormal.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Mounting
+    >>> Mounting(np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3))).rotation.shape
+    (2, 3, 3)
     """
 
     rotation: FloatArray

@@ -27,6 +27,15 @@ class Trajectory:
         North, east, down in m/s.
     rotation : (n, 3, 3) ndarray
         C_nb, takes body vectors into north-east-down.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Trajectory
+    >>> place = np.tile((np.radians(48.1), np.radians(11.5), 520.0), (3, 1))
+    >>> still = Trajectory(np.arange(3.0), place, np.zeros((3, 3)), np.tile(np.eye(3), (3, 1, 1)))
+    >>> still.time.size
+    3
     """
 
     time: FloatArray
@@ -75,6 +84,16 @@ class Innovations:
         Its degrees of freedom.
     accepted : (u,) ndarray of bool
         False where the gate kept the update out.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, navigate, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> solution = navigate(drive.imus[0], drive.gnss, model, time_offset=0.0, tune_noise=False)
+    >>> bool(solution.innovations.accepted.mean() > 0.99)
+    True
     """
 
     time: FloatArray
@@ -158,6 +177,16 @@ class NavigationSolution:
         True when future data were used.
     log_likelihood : float
         Of the accepted innovations.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, navigate, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> solution = navigate(drive.imus[0], drive.gnss, model, time_offset=0.0, tune_noise=False)
+    >>> solution.smoothed, solution.attitude_sd.shape[1]
+    (False, 3)
     """
 
     trajectory: Trajectory

@@ -39,6 +39,13 @@ class CausalDenoiser:
     Before the first sample the signal is taken to have been constant, so that there is no step
     at the start. Spec 2.5 gives (taps - 1)(2**level - 1)/2, the centre of the approximation
     filter: what it takes to compute a coefficient, not yet to rebuild the signal from it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import CausalDenoiser
+    >>> CausalDenoiser(level=3).delay
+    49.0
     """
 
     def __init__(

@@ -62,6 +62,13 @@ class Denoised(ToDict):
         so that their median says nothing; "motion in details" where scale "mln" takes a level
         for three times as noisy as the finest: more likely it holds motion, which the threshold
         then removes (use fewer levels, or scale "sln").
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import denoise
+    >>> denoise(np.random.default_rng(1).standard_normal(4_096), level=4).level
+    4
     """
 
     JSON = (
@@ -178,6 +185,15 @@ def denoise(
     -----
     Half-point symmetric extension. Spec 2.5; S003 section 5, S004 sections 4.5 and 5.6. The
     white-noise density N of the signal is not changed by it: keep N in the filter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import denoise
+    >>> time = np.arange(4_096) / 100.0
+    >>> noisy = np.sin(time) + 0.3 * np.random.default_rng(1).standard_normal(time.size)
+    >>> bool(np.std(denoise(noisy).signal - np.sin(time)) < 0.1)
+    True
     """
     import pywt
 

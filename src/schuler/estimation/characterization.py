@@ -81,6 +81,15 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
     ------
     EstimationError
         Too short, or a channel that does not vary.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, characterize_imu, simulate_static
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> imu = simulate_static(model, 300.0, 100.0, np.random.default_rng(1))
+    >>> sorted(characterize_imu(imu).channels)[:3]
+    ['accel_x', 'accel_y', 'accel_z']
     """
     rate = imu.rate
     channels: dict[str, Identification] = {}

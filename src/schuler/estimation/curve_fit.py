@@ -138,12 +138,7 @@ class Scatter:
 
     @classmethod
     def of(cls, relative: FloatArray, loading: float = 0.0, discrepancy: float = 0.0) -> Scatter:
-        """Make one from the covariance of relative errors of the variances.
-
-        A chi-square with few degrees of freedom scatters more in its logarithm than 2/nu; a little
-        independent scatter, the loading, keeps nearly equal neighbours from voting against each
-        other.
-        """
+        """Make one from the covariance of relative errors of the variances."""
         from scipy.special import digamma, polygamma
 
         half = 1.0 / np.diag(relative)

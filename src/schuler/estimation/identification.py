@@ -86,6 +86,14 @@ class Identification(ToDict):
         Lines of vibration that were taken out first.
     effects : tuple of Effect
         What follows a column beside the signal, taken out first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import WhiteNoise, identify
+    >>> signal = WhiteNoise(1e-3).simulate(60_000, 0.01, np.random.default_rng(1))
+    >>> [part.kind for part in identify(signal, 100.0).process.parts]
+    ['white_noise']
     """
 
     JSON = "upper_limits_95=limits slope_method=slopes record=verdict"

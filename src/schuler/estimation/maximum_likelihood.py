@@ -137,6 +137,16 @@ def fit_maximum_likelihood(
         Fewer than 100 samples or means, or a signal that does not vary.
     ModelError
         A process that this likelihood does not know, or nothing to fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import GaussMarkov, WhiteNoise, fit_maximum_likelihood
+    >>> truth = WhiteNoise(1e-3) + GaussMarkov(1e-2, 1.0)
+    >>> signal = truth.simulate(20_000, 0.01, np.random.default_rng(1))
+    >>> found = fit_maximum_likelihood(signal, 100.0, model=truth)
+    >>> round(found.parameters["gauss_markov.correlation_time"], 1)
+    1.1
     """
     values = np.asarray(signal)
     if values.ndim != 1:

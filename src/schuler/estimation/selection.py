@@ -132,12 +132,7 @@ class Choice(Generic[Found]):
 
 
 def criterion(fit: FittedParts) -> float:
-    """Misfit plus the penalties of all terms: the smaller, the better.
-
-    For one parameter chi-square 8 is exceeded by chance once in 200 (400 at the boundary of
-    zero); a Gauss-Markov noise has two parameters and may be put anywhere along the curve. Ramps
-    and quantisation are rarer in sensors and must prove more.
-    """
+    """Misfit plus the penalties of all terms: the smaller, the better."""
     return fit.cost + math.fsum(p.penalty for p in fit.parts)
 
 

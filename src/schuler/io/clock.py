@@ -176,12 +176,7 @@ def shifted(time: FloatArray, offset: float, notes: Notes) -> FloatArray:
 
 
 def even_axis(source: Source, rows: int, rate: float | None, notes: Notes) -> FloatArray:
-    """Return the time of samples that are evenly spaced, for a file without a column of time.
-
-    The rate is the one given, or stated inside the file, or, at last, the one and only sampling
-    rate that a README in the same folder states. A column that counts the samples shows which
-    are missing.
-    """
+    """Return the time of samples that are evenly spaced, for a file without a column of time."""
     if rate is not None:
         if not (np.isfinite(rate) and rate > 0.0):
             raise InputError(f"rate is {rate}", expected="a positive number of Hz")

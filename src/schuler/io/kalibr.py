@@ -50,6 +50,14 @@ def kalibr_yaml(noise_model: NoiseModel, *, rate: float | None = None, topic: st
     -----
     Densities are continuous. Kalibr refuses zeros, so a walk that was not found is written as
     the most that the record does not exclude.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, RandomWalk, WhiteNoise, kalibr_yaml
+    >>> gyro, accel = WhiteNoise(5e-5) + RandomWalk(1e-6), WhiteNoise(7e-4) + RandomWalk(1e-5)
+    >>> model = NoiseModel.isotropic(gyro, accel)
+    >>> "gyroscope_noise_density" in kalibr_yaml(model, rate=100.0)
+    True
     """
     wanted = noise_model.rate if rate is None else rate
     if wanted is None or not (math.isfinite(wanted) and wanted > 0.0):
@@ -90,6 +98,18 @@ def write_kalibr(
         As for `kalibr_yaml`.
     topic : str
         As for `kalibr_yaml`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from schuler import NoiseModel, RandomWalk, WhiteNoise, write_kalibr
+    >>> gyro, accel = WhiteNoise(5e-5) + RandomWalk(1e-6), WhiteNoise(7e-4) + RandomWalk(1e-5)
+    >>> model = NoiseModel.isotropic(gyro, accel)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_kalibr(Path(folder) / "imu.yaml", model, rate=100.0)
+    ...     print((Path(folder) / "imu.yaml").exists())
+    True
     """
     write_text(path, kalibr_yaml(noise_model, rate=rate, topic=topic))
 

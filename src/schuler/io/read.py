@@ -79,6 +79,19 @@ def read_imu(
         Anything wrong with the file: one line with file, place, what was expected, what to do.
     UnitError
         A unit that is not known or does not fit.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from schuler import read_imu
+    >>> header = "time [s],gx [rad/s],gy [rad/s],gz [rad/s],ax [m/s^2],ay [m/s^2],az [m/s^2]"
+    >>> rows = [f"{k / 100:.2f},0.001,0.002,{k % 3 * 1e-3},0.1,0.2,-9.8{k % 5}" for k in range(300)]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "log.csv"
+    ...     _ = path.write_text(chr(10).join([header, *rows]), encoding="utf-8")
+    ...     print(read_imu(path).size)
+    300
     """
     options = _options(how, "imu")
     source = _open(Path(path), "imu", options)
@@ -146,6 +159,19 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
         Anything wrong with the file: one line with file, place, what was expected, what to do.
     UnitError
         A unit that is not known or does not fit.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from schuler import read_gnss
+    >>> header = "time [s],latitude [deg],longitude [deg],height [m]"
+    >>> rows = [f"{k},{48.1 + k * 1e-5:.7f},11.5,520.0" for k in range(30)]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "gnss.csv"
+    ...     _ = path.write_text(chr(10).join([header, *rows]), encoding="utf-8")
+    ...     print(read_gnss(path).size)
+    30
     """
     options = _options(how, "gnss")
     source = _open(Path(path), "gnss", options)

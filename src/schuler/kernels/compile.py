@@ -34,13 +34,7 @@ def _user_cache() -> Path:
 
 @lru_cache(maxsize=1)
 def cache_directory() -> Path:
-    """Return the directory of compiled kernels that belongs to exactly these sources.
-
-    Returns
-    -------
-    Path
-        `<user cache>/kernels-<digest>`; `SCHULER_CACHE_DIR` overrides the user cache.
-    """
+    """Return the directory of compiled kernels that belongs to exactly these sources."""
     digest = hashlib.sha256(numba.__version__.encode())
     here = Path(__file__).parent
     for source in sorted(here.rglob("*.py")):
@@ -52,21 +46,7 @@ def cache_directory() -> Path:
 def kernel(
     *, reduction: bool = False, inline: bool = False
 ) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Compile a function with Numba when it is first called, and keep the result on disk.
-
-    Parameters
-    ----------
-    reduction : bool
-        The function is a plain sum: allow re-association and contraction so that it vectorises.
-        No other fast-math flag is ever used.
-    inline : bool
-        Ask LLVM to inline the function into its callers (small helpers in a hot loop).
-
-    Returns
-    -------
-    callable
-        A decorator that keeps the signature of the function.
-    """
+    """Compile a function with Numba when it is first called, and keep the result on disk."""
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         before = numba.config.CACHE_DIR

@@ -77,20 +77,7 @@ class ConstraintStream:
         self._stamps = np.zeros(2 * self._block + 2)
 
     def rows(self, time: float, gyro: FloatArray, accel: FloatArray) -> Iterator[Row]:
-        """Yield the measurements that a sample brings with it.
-
-        Parameters
-        ----------
-        time : float
-            Of the sample, s.
-        gyro, accel : (3,) ndarray
-            As measured.
-
-        Yields
-        ------
-        Row
-            At the time of the sample or before it, in the order of `VehicleConstraint.rows`.
-        """
+        """Yield the measurements that a sample brings with it."""
         if self._count == 0:
             self._begin = time
         if "nhc" in self._vehicle.constraints:
@@ -159,18 +146,7 @@ class VibrationStream:
         self._count = 0
 
     def scale(self, gyro: FloatArray, accel: FloatArray) -> FloatArray:
-        """Return the factors on the squared noise densities for a sample.
-
-        Parameters
-        ----------
-        gyro, accel : (3,) ndarray
-            As measured.
-
-        Returns
-        -------
-        (6,) ndarray
-            Accelerometers first.
-        """
+        """Return the factors on the squared noise densities for a sample."""
         values = np.concatenate([accel, gyro])
         if self._count:
             self._total = self._total + (values - self._before) ** 2
@@ -205,17 +181,6 @@ class GapNoise:
         self.shortest = max(SHORTEST_GAP, SHORTEST_GAP_STEPS * self.step)
 
     def scale(self, seconds: float) -> FloatArray:
-        """Return the factors on the squared noise densities for a sample that bridges a gap.
-
-        Parameters
-        ----------
-        seconds : float
-            Length of the gap.
-
-        Returns
-        -------
-        (6,) ndarray
-            Accelerometers first.
-        """
+        """Return the factors on the squared noise densities for a sample that bridges a gap."""
         missed = interpolation_variance(self._taught, seconds, find_gaps(self._taught))
         return np.asarray(1.0 + missed / seconds / self._density**2)

@@ -105,20 +105,7 @@ class Checkpoints:
         )
 
     def part(self, p: int, aiding: AidingOutputs) -> NodeStretch:
-        """Compute the nodes of one part once more.
-
-        Parameters
-        ----------
-        p : int
-            Number of the part.
-        aiding : AidingOutputs
-            Of the whole run; what is written agrees with what is there.
-
-        Returns
-        -------
-        NodeStretch
-            The nodes made in it.
-        """
+        """Compute the nodes of one part once more."""
         stepper, state = self.stepper, self.stepper.state
         state.memory[:], state.counters[:] = self.memories[p], self.counters[p]
         begin, end = self.start[p], self.start[p + 1]
@@ -194,13 +181,7 @@ class FilterRun:
         return kept and self.samples.position.size > 0
 
     def stretches(self, *, back: bool = False) -> Iterator[NodeStretch]:
-        """Yield all nodes with what the smoother needs, in stretches, perhaps from the last back.
-
-        Yields
-        ------
-        NodeStretch
-            Valid until the next one is asked for.
-        """
+        """Yield all nodes with what the smoother needs, in stretches, or from the last back."""
         if self.checkpoints is None:
             yield NodeStretch(0, self.nodes.size, self.nodes, self.aiding)
             return
@@ -210,19 +191,7 @@ class FilterRun:
 
 
 def gate_thresholds(false_alarm: float) -> FloatArray:
-    """Largest accepted normalised innovation squared for 0 to 3 degrees of freedom.
-
-    Parameters
-    ----------
-    false_alarm : float
-        Probability of refusing a good measurement; 0 switches the gate off.
-
-    Returns
-    -------
-    (4,) ndarray
-        Chi-square quantiles; Bar-Shalom, Estimation with Applications to Tracking and
-        Navigation, section 5.4.
-    """
+    """Largest accepted normalised innovation squared for 0 to 3 degrees of freedom."""
     from scipy.special import gammaincinv
 
     if false_alarm <= 0.0:
@@ -246,44 +215,7 @@ def run_engine(
     node_interval: float = 0.25,
     smoother_memory: float = SMOOTHER_MEMORY,
 ) -> FilterRun:
-    """Run the filter over a recording.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    initial : InitialState
-        At the first sample.
-    model : SensorErrorModel
-        Sensor error states and white noise.
-    schedule : AidingSchedule
-        Sorted measurements inside the time of the IMU.
-    gate : (4,) ndarray
-        See `gate_thresholds`.
-    robustness : (9,) ndarray or None
-        See `GnssWeighting`; None: a gate, and the noise that the receiver claims.
-    white_scale : (n, 6) ndarray or None
-        Multiplies the squared white-noise densities sample by sample (accelerometers first).
-    vehicle : VehicleStates
-        Needed where the schedule has constraints of a vehicle.
-    keep_samples, keep_nodes : bool
-        Whether to store the state at every sample, and what the smoother needs.
-    node_interval : float
-        Longest time between nodes, s.
-    smoother_memory : float
-        Bytes that may be kept for the smoother; a run that needs more keeps checkpoints instead
-        and computes the nodes between them once more.
-
-    Returns
-    -------
-    FilterRun
-        Outputs; arrays that were not kept have no rows.
-
-    Raises
-    ------
-    NavigationError
-        The state stopped being finite, or a measurement refers to states that do not exist.
-    """
+    """Run the filter over a recording."""
     stepper = FilterStepper(
         initial,
         model,
@@ -366,20 +298,7 @@ def fill_row(schedule: AidingSchedule, u: int, filter_: Filter) -> None:
 
 
 def diverged(imu: ImuRecording, sample: int) -> NavigationError:
-    """Return what to raise where the state of a filter stopped being finite.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        The run.
-    sample : int
-        The first one with a state that is not finite.
-
-    Returns
-    -------
-    NavigationError
-        With its time and the cure.
-    """
+    """Return what to raise where the state of a filter stopped being finite."""
     return NavigationError(
         f"the navigation state stopped being finite at {imu.time[sample]:.3f} s",
         expected="a bounded trajectory",

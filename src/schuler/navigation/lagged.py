@@ -21,20 +21,7 @@ from schuler.types import FloatArray, IntArray
 
 
 def lag_horizons(node_time: FloatArray, lag: float) -> IntArray:
-    """Return for every node the last node whose measurements it may use.
-
-    Parameters
-    ----------
-    node_time : (k,) ndarray
-        Increasing, s.
-    lag : float
-        Seconds.
-
-    Returns
-    -------
-    (k,) ndarray of int
-        At least the node itself.
-    """
+    """Return for every node the last node whose measurements it may use."""
     return np.searchsorted(node_time, node_time + lag + 1e-9, side="right") - 1
 
 
@@ -63,22 +50,7 @@ class LaggedNodes:
     sd_ahead: FloatArray
 
     def corrected(self, samples: SampleOutputs, node: IntArray, share: FloatArray) -> SampleOutputs:
-        """Correct samples that follow nodes.
-
-        Parameters
-        ----------
-        samples : SampleOutputs
-            Of the filter, n rows.
-        node : (n,) ndarray of int
-            Row of the node before each.
-        share : (n,) ndarray
-            How far it is on its way to the next node, 0 to 1.
-
-        Returns
-        -------
-        SampleOutputs
-            Smoothed where the horizon reaches the next node, as they were elsewhere.
-        """
+        """Correct samples that follow nodes."""
         w = share[:, None]
         w3 = w[:, :, None]
         error = self.error[node, :9] * (1.0 - w) + self.ahead[node, :9] * w
@@ -97,24 +69,7 @@ def smooth_nodes_with_lag(
     first: int,
     horizon: IntArray,
 ) -> LaggedNodes:
-    """Smooth nodes each under its own horizon.
-
-    Parameters
-    ----------
-    stretch : NodeStretch
-        Holds the nodes and all up to their horizons.
-    block : (m, 2) ndarray of int
-        Blocks of the sensor states.
-    first : int
-        Number of the first node to smooth.
-    horizon : (k,) ndarray of int
-        Numbers of the last nodes that each of the k nodes may use.
-
-    Returns
-    -------
-    LaggedNodes
-        One row a node.
-    """
+    """Smooth nodes each under its own horizon."""
     from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_with_lag
 
     nodes, k = stretch.nodes, horizon.size
@@ -139,32 +94,7 @@ def smooth_nodes_with_lag(
 def smooth_run_with_lag(
     run: FilterRun, model: SensorErrorModel, time: FloatArray, lag: float
 ) -> SmoothedRun:
-    """Smooth a run with measurements up to `lag` seconds after each node.
-
-    Parameters
-    ----------
-    run : FilterRun
-        From `run_engine` with keep_samples and keep_nodes.
-    model : SensorErrorModel
-        The one of the run.
-    time : (n,) ndarray
-        IMU time, s.
-    lag : float
-        Seconds; less than a node's distance leaves the causal solution.
-
-    Returns
-    -------
-    SmoothedRun
-        Same times as the run. No sample depends on a measurement later than `lag` after it, nor
-        on one behind a restart of the filter.
-
-    Raises
-    ------
-    NavigationError
-        The run did not keep what is needed.
-    InputError
-        A lag that is not positive.
-    """
+    """Smooth a run with measurements up to `lag` seconds after each node."""
     if not lag > 0.0:
         raise InputError(f"a lag of {lag} s", expected="a positive number of seconds")
     if not run.smoothable:

@@ -126,6 +126,16 @@ def navigate(
         Recordings without what is needed.
     NavigationError
         No overlap, no heading, no mounting where it is needed, or a run that diverges.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, navigate, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> solution = navigate(drive.imus[0], drive.gnss, model, time_offset=0.0, tune_noise=False)
+    >>> solution.trajectory.time.size > 1_000
+    True
     """
     check_smoothing(smooth)
     if noise_model is not None:

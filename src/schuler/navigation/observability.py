@@ -47,6 +47,13 @@ class Segment:
         Seconds.
     frame_rate : (3,) ndarray or None
         Rate of n against the inertial frame, rad/s; None leaves the turn of the earth out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Segment
+    >>> Segment(np.array([0.0, 0.0, -9.81]), np.eye(3)).duration
+    10.0
     """
 
     force: FloatArray

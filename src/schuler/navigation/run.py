@@ -69,30 +69,7 @@ def run(
     keep_nodes: bool = False,
     white_scale: FloatArray | None = None,
 ) -> NavigationRun:
-    """Filter, and smooth, with everything known.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        From `prepare`.
-    gnss : GnssRecording
-        Epochs to use.
-    setup : RunSetup
-        From `prepare`.
-    smooth : bool
-        Whether to smooth by the whole recording as well.
-    lag : float or None
-        Seconds of later measurements that a fixed-lag solution may use; None: no such solution.
-    keep_nodes : bool
-        Whether to keep what a smoother needs even if none is asked for.
-    white_scale : (n, 6) ndarray or None
-        See `run_engine`; None: as the setup found the noise to follow vibration.
-
-    Returns
-    -------
-    NavigationRun
-        Causal and perhaps smoothed solutions.
-    """
+    """Filter, and smooth, with everything known."""
     scale = setup.white_scale(imu) if white_scale is None else white_scale
     initial, restarts = setup.initial_state(imu, gnss), setup.restarts(gnss)
     schedule, wheel = setup.schedule(imu, gnss), dict[str, Any]()

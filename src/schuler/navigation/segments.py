@@ -39,31 +39,7 @@ def run_in_segments(
     white_scale: FloatArray | None = None,
     **options: Any,
 ) -> FilterRun:
-    """Run the filter over a recording, beginning anew where it has to.
-
-    Parameters
-    ----------
-    imu : ImuRecording
-        All six channels.
-    initial : InitialState
-        At the first sample.
-    restarts : sequence of (float, InitialState)
-        In order of time: from the first sample at or after it, position, velocity, attitude and
-        their covariance are those given; sensor states come from the segment before.
-    model : SensorErrorModel
-        Sensor error states and white noise.
-    schedule : AidingSchedule
-        Sorted measurements inside the time of the IMU; none between two segments.
-    white_scale : (n, 6) ndarray or None
-        See `run_engine`.
-    **options
-        Of `run_engine`.
-
-    Returns
-    -------
-    FilterRun
-        As if it were one.
-    """
+    """Run the filter over a recording, beginning anew where it has to."""
     if not restarts:
         return run_engine(imu, initial, model, schedule, white_scale=white_scale, **options)
     runs: list[FilterRun] = []
@@ -112,18 +88,7 @@ def split_at_restarts(
     schedule: AidingSchedule,
     white_scale: FloatArray | None = None,
 ) -> list[RunSegment]:
-    """Cut a run at its restarts.
-
-    Parameters
-    ----------
-    imu, initial, restarts, schedule, white_scale
-        As for `run_in_segments`.
-
-    Returns
-    -------
-    list of RunSegment
-        In order of time; stretches of less than two samples are left out.
-    """
+    """Cut a run at its restarts."""
     edges = [0, *(int(np.searchsorted(imu.time, t - 1e-6)) for t, _ in restarts), imu.size]
     starts = [initial, *(state for _, state in restarts)]
     whole = [
@@ -146,22 +111,7 @@ def split_at_restarts(
 
 
 def sensor_step(model: SensorErrorModel, span: float) -> tuple[FloatArray, FloatArray]:
-    """Transition and noise of the sensor states over some time.
-
-    Parameters
-    ----------
-    model : SensorErrorModel
-        Its states.
-    span : float
-        Seconds.
-
-    Returns
-    -------
-    transition : (m, m) ndarray
-        F.
-    noise : (m, m) ndarray
-        Covariance that is added.
-    """
+    """Transition and noise of the sensor states over some time."""
     from schuler.kernels.navigation.transition import raise_blocks, sensor_transition, set_blocks
 
     layout, m = model.layout(), model.size

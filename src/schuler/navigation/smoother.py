@@ -37,27 +37,7 @@ class SmoothedRun:
 
 
 def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> SmoothedRun:
-    """Smooth a run that kept its samples and nodes.
-
-    Parameters
-    ----------
-    run : FilterRun
-        From `run_engine` with keep_samples and keep_nodes.
-    model : SensorErrorModel
-        The one of the run.
-    time : (n,) ndarray
-        IMU time, s.
-
-    Returns
-    -------
-    SmoothedRun
-        Same times as the run.
-
-    Raises
-    ------
-    NavigationError
-        The run did not keep what is needed.
-    """
+    """Smooth a run that kept its samples and nodes."""
     from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_nodes
 
     nodes = run.nodes
@@ -122,24 +102,7 @@ def corrected_samples(
     velocity_sd: FloatArray,
     attitude_sd: FloatArray,
 ) -> SampleOutputs:
-    """Take errors out of the filter's states.
-
-    Parameters
-    ----------
-    samples : SampleOutputs
-        Of the filter, n rows.
-    error : (n, 9) ndarray
-        Computed minus true, as estimated.
-    position_covariance : (n, 3, 3) ndarray
-        What is left of it in position.
-    velocity_sd, attitude_sd : (n, 3) ndarray
-        Likewise, standard deviations.
-
-    Returns
-    -------
-    SampleOutputs
-        Same samples.
-    """
+    """Take errors out of the filter's states."""
     north, east = metres_per_radian(samples.position)
     position = samples.position.copy()
     position[:, 0] -= error[:, 0] / north

@@ -233,20 +233,7 @@ def kernel_schedule(schedule: AidingSchedule, states: int) -> Schedule:
 
 
 def check_references(schedule: AidingSchedule, states: int) -> None:
-    """Raise where measurements refer to what does not exist; the kernel does not look.
-
-    Parameters
-    ----------
-    schedule : AidingSchedule
-        Measurements.
-    states : int
-        Number of sensor states m.
-
-    Raises
-    ------
-    NavigationError
-        A state or matrix that is not there.
-    """
+    """Raise where measurements refer to what does not exist; the kernel does not look."""
     from schuler.errors import NavigationError
 
     linear = (schedule.kind == LINEAR) | (schedule.kind == GENERAL)

@@ -77,6 +77,13 @@ class ARMA(Process):
     Notes
     -----
     Spec 5.1, S000 (10).
+
+    Examples
+    --------
+    >>> from schuler import ARMA
+    >>> noise = ARMA(phi=(-0.9,), theta=(0.4,), driving_variance=1e-6, interval=0.01)
+    >>> round(float(noise.innovation_variance(0.01)), 9)
+    1e-06
     """
 
     phi: tuple[float, ...]

@@ -43,6 +43,13 @@ class Autoregressive(Process):
     -----
     Spec 3 and 7.3 (27AR of S004). Rounded coefficients are another process: those printed in
     S004 Table 2 are unstable in half of all cases (E-004-10).
+
+    Examples
+    --------
+    >>> from schuler import Autoregressive
+    >>> noise = Autoregressive((-0.95,), driving_variance=1e-6, interval=0.01)
+    >>> round(float(noise.autocovariance(0.0)) * 1e5, 4)
+    1.0256
     """
 
     coefficients: tuple[float, ...]

@@ -119,6 +119,12 @@ class Process(ABC):
     A subclass is a frozen dataclass of its numbers that answers the abstract questions; all class
     attributes below have defaults that work. Without `about`, every number is free in a fit,
     written in SI, and shown under its own name.
+
+    Examples
+    --------
+    >>> from schuler import Process, WhiteNoise
+    >>> isinstance(WhiteNoise(1e-3) + WhiteNoise(2e-3), Process)
+    True
     """
 
     __slots__ = ()
@@ -314,6 +320,12 @@ class ProcessSum(Process):
     ----------
     parts : tuple of Process
         Sums among them are opened up. At least one.
+
+    Examples
+    --------
+    >>> from schuler import GaussMarkov, WhiteNoise
+    >>> [part.kind for part in (WhiteNoise(1e-3) + GaussMarkov(1e-3, 5.0)).parts]
+    ['white_noise', 'gauss_markov']
     """
 
     parts: tuple[Process, ...]

@@ -27,6 +27,12 @@ class RandomWalk(Process):
         K in u/sqrt(s): the variance grows by K² a second.
     initial_sd : float
         Standard deviation at the start, in u.
+
+    Examples
+    --------
+    >>> from schuler import RandomWalk
+    >>> round(float(RandomWalk(2e-5).allan_variance(300.0)) ** 0.5, 6)
+    0.0002
     """
 
     density: float
@@ -150,6 +156,12 @@ class RateRamp(_Line):
     ----------
     slope : float
         u/s, with its sign; a filter takes |slope| as the standard deviation of an unknown one.
+
+    Examples
+    --------
+    >>> from schuler import RateRamp
+    >>> round(float(RateRamp(1e-6).allan_variance(100.0)) ** 0.5, 6)
+    7.1e-05
     """
 
     slope: float
@@ -202,6 +214,12 @@ class TurnOnBias(_Line):
     ----------
     sigma : float
         Standard deviation from run to run, in u.
+
+    Examples
+    --------
+    >>> from schuler import TurnOnBias
+    >>> float(TurnOnBias(0.3).autocovariance(100.0))
+    0.09
     """
 
     sigma: float
@@ -263,6 +281,12 @@ class Sinusoid(_Line):
         Hz, above zero.
     phase : float, optional
         rad at the first sample; None draws it anew for every simulation.
+
+    Examples
+    --------
+    >>> from schuler import Sinusoid
+    >>> round(float(Sinusoid(amplitude=0.01, frequency=2.0).autocovariance(0.5)), 8)
+    5e-05
     """
 
     amplitude: float

@@ -76,6 +76,13 @@ class GaussMarkov(Process):
         Stationary standard deviation in u.
     correlation_time : float
         Tc in s: R(lag) = sigma² exp(-|lag|/Tc).
+
+    Examples
+    --------
+    >>> from schuler import GaussMarkov, WhiteNoise
+    >>> error = WhiteNoise(7.5e-4) + GaussMarkov(sigma=1.4e-3, correlation_time=4.6)
+    >>> round(float(error.allan_variance(10.0)) ** 0.5, 6)
+    0.000894
     """
 
     sigma: float
@@ -204,6 +211,13 @@ class BiasInstability(Process):
         Correlation times in s of the first and the last Gauss-Markov noise.
     per_decade : int
         Gauss-Markov noises a decade.
+
+    Examples
+    --------
+    >>> from schuler import BiasInstability
+    >>> flicker = BiasInstability(level=2e-5, shortest=1.0, longest=1e4)
+    >>> round(float(flicker.allan_variance(100.0)) ** 0.5 / 2e-5, 2)
+    0.66
     """
 
     level: float

@@ -45,6 +45,15 @@ class NoiseModel:
     ------
     ModelError
         A channel that does not exist, or an error or limit for something that is not there.
+
+    Examples
+    --------
+    >>> from schuler import GaussMarkov, NoiseModel, WhiteNoise
+    >>> gyro = WhiteNoise(5e-5) + GaussMarkov(2e-5, 100.0)
+    >>> accel = WhiteNoise(7e-4)
+    >>> model = NoiseModel.isotropic(gyro, accel)
+    >>> sorted(model.processes)[:2]
+    ['accel_x', 'accel_y']
     """
 
     processes: Mapping[str, Process]

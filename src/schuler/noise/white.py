@@ -23,6 +23,12 @@ class WhiteNoise(Process):
     ----------
     density : float
         N in u/sqrt(Hz): (rad/s)/sqrt(Hz) or (m/s²)/sqrt(Hz). A sample has variance N²/dt.
+
+    Examples
+    --------
+    >>> from schuler import WhiteNoise
+    >>> float(WhiteNoise(7.5e-4).allan_variance(1.0)) ** 0.5
+    0.00075
     """
 
     density: float
@@ -92,6 +98,12 @@ class Quantization(Process):
         Q in u·s: rad or m/s. Increments rounded to a step have Q = step/sqrt(12).
     interval : float, optional
         Sample interval in s; the spectrum depends on it. Only `psd` and `autocovariance` need it.
+
+    Examples
+    --------
+    >>> from schuler import Quantization
+    >>> round(float(Quantization(1e-6).allan_variance(0.1)) ** 0.5, 8)
+    1.732e-05
     """
 
     step_density: float

@@ -42,5 +42,17 @@ def write_report(
     ------
     InputError
         No result, one that a report cannot show, or a folder that cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from schuler import simulate_static, write_report
+    >>> imu = simulate_static(None, 10.0, 100.0, np.random.default_rng(1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_report(Path(folder) / "report.html", imu, title="Ten seconds")
+    ...     print((Path(folder) / "report.html").stat().st_size > 10_000)
+    True
     """
     write_text(path, render_report(*results, title=title, provenance=provenance))

@@ -59,6 +59,14 @@ class Screening(ToDict):
         Rows before which samples are missing.
     rest : tuple of (float, float)
         Intervals in which the sensor stood still, s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, screen, simulate_static
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> round(screen(simulate_static(model, 60.0, 100.0, np.random.default_rng(1))).rate, 3)
+    100.0
     """
 
     JSON = (
@@ -141,6 +149,15 @@ def screen(imu: ImuRecording) -> Screening:
     the median absolute deviation) from the median of its 10 s block. A channel in which more
     than 0.5 % of the samples are beyond 4 of them has heavy tails; its own outliers are then its
     noise and no knocks.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, screen, simulate_static
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> imu = simulate_static(model, 60.0, 100.0, np.random.default_rng(1))
+    >>> screen(imu).static
+    True
     """
     steps = rows.look_at_steps(imu)
     repeated = rows.repeated_rows(imu)
@@ -199,6 +216,15 @@ def repair(imu: ImuRecording, screening: Screening, *, close_up: bool = False) -
     ------
     InputError
         The screening belongs to another recording, or nothing would be left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, repair, screen, simulate_static
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> imu = simulate_static(model, 60.0, 100.0, np.random.default_rng(1))
+    >>> repair(imu, screen(imu)).size == imu.size
+    True
     """
     if screening.repeated.size != imu.size:
         raise InputError(

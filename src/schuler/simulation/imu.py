@@ -157,6 +157,15 @@ def simulate_imu(
     ------
     InputError
         The recording is not evenly sampled, or there are no temperatures to follow.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, simulate_imu, simulate_static
+    >>> ideal = simulate_static(None, 10.0, 100.0, np.random.default_rng(1))
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> simulate_imu(ideal, model, np.random.default_rng(2)).size
+    1000
     """
     dt = _even_step(ideal)
     added_gyro, added_accel = np.zeros((ideal.size, 3)), np.zeros((ideal.size, 3))
@@ -265,6 +274,14 @@ def simulate_static(
     ------
     InputError
         The rate is not positive, or there are fewer than two samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import simulate_static
+    >>> imu = simulate_static(None, 10.0, 100.0, np.random.default_rng(1))
+    >>> imu.accel.mean(axis=0).round(2)
+    array([ 0.  ,  0.  , -9.81])
     """
     n = _count(duration, rate)
     roll, pitch, yaw = attitude

@@ -135,6 +135,14 @@ class Scenario:
         Of the (first) IMU.
     fix_faults : tuple of FixFault
         Of GNSS.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> Scenario("car_urban", model, RTK_FIXED, duration=60.0).rate
+    100.0
     """
 
     motion: str
@@ -177,6 +185,15 @@ class SimulatedDrive:
         times of the samples.
     log : dict
         What was drawn and what was done, plain values.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> made = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> made.truth.position.shape[1]
+    3
     """
 
     imus: tuple[ImuRecording, ...]
@@ -204,6 +221,15 @@ def simulate_drive(scenario: Scenario, seed: int) -> SimulatedDrive:
     ------
     InputError
         An unknown motion, or numbers that cannot be.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> made = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> made.imus[0].size, made.gnss.size
+    (12000, 121)
     """
     motion_rng, shake_rng, imu_rng, gnss_rng, sensor_rng, stamp_rng = np.random.default_rng(
         seed

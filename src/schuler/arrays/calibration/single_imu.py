@@ -114,7 +114,7 @@ def _gyro_at_rest(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, list[str]]:
     """Bias and what the gyros feel of the force, from their means in the poses."""
     design = np.column_stack([np.ones(force.shape[0]), force])
-    values, *_ = np.linalg.lstsq(design, rate, rcond=None)
+    values = np.asarray(np.linalg.lstsq(design, rate, rcond=None)[0], dtype=np.float64)
     left = rate - design @ values
     variance = np.sum(left**2, axis=0) / max(force.shape[0] - 4, 1)
     sd = np.sqrt(np.diagonal(np.linalg.inv(design.T @ design))[:, None] * variance)

@@ -53,6 +53,12 @@ class FaultSettings:
         Of the lever arms, m: rotation makes forces of them.
     online : OnlineSettings
         Of weights and biases.
+
+    Examples
+    --------
+    >>> from schuler import FaultSettings
+    >>> FaultSettings(false_alarm_rate=1e-4).time_constants
+    (0.5, 2.0, 8.0)
     """
 
     false_alarm_rate: float = 0.001

@@ -182,6 +182,19 @@ def detect_faults(
         not what the mounting says.
     EstimationError
         No beginning from which noise can be taken.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, detect_faults
+    >>> rng = np.random.default_rng(1)
+    >>> four = Mounting(np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3)))
+    >>> gyro = 1e-3 * rng.standard_normal((6_000, 4, 3))
+    >>> accel = np.array([0.0, 0.0, -9.81]) + 1e-2 * rng.standard_normal((6_000, 4, 3))
+    >>> gyro[3_000:, 2, 0] += 0.05
+    >>> found = detect_faults(ImuArray(np.arange(6_000) / 100.0, gyro, accel, four))
+    >>> len(found.gyro.records) > 0
+    True
     """
     how = FaultSettings() if settings is None else settings
     require_common_axes(array, broken_may_pass=True)

@@ -208,6 +208,18 @@ def synthesize(
     EstimationError
         Sensors that cannot be told apart where their variances are asked for, or too short a
         beginning.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, synthesize
+    >>> rng = np.random.default_rng(1)
+    >>> four = Mounting(np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3)))
+    >>> gyro = 1e-3 * rng.standard_normal((6_000, 4, 3))
+    >>> accel = np.array([0.0, 0.0, -9.81]) + 1e-2 * rng.standard_normal((6_000, 4, 3))
+    >>> fused = synthesize(ImuArray(np.arange(6_000) / 100.0, gyro, accel, four))
+    >>> round(float(fused.imu.gyro.std() / gyro.std()), 1)
+    0.5
     """
     if weights not in WEIGHTS:
         raise InputError(f"weights '{weights}'", expected=f"one of {', '.join(WEIGHTS)}")

@@ -83,6 +83,18 @@ def averaged_volatility(
         One IMU only, or a window that is no window.
     EstimationError
         As `window_volatility`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, averaged_volatility
+    >>> rng = np.random.default_rng(1)
+    >>> four = Mounting(np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3)))
+    >>> gyro = 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = np.tile((0.0, 0.0, -9.81), (2_000, 4, 1))
+    >>> array = ImuArray(np.arange(2_000) / 100.0, gyro, accel, four)
+    >>> type(averaged_volatility(array)).__name__
+    'AveragedVolatility'
     """
     redundant_sensors(array, sensor)
     body = array.in_body()

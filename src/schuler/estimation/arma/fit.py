@@ -65,6 +65,15 @@ def fit_arma(
     Spec 5.1, S000 (10) and (11). Hannan-Rissanen and other starts are compared on a segment; the
     best are refined on the whole record by Gauss-Newton steps, each judged by the exact
     likelihood, until the slope of the exact likelihood is zero.
+
+    Examples
+    --------
+    >>> from schuler import ARMA, fit_arma
+    >>> import numpy as np
+    >>> noise = ARMA(phi=(-0.9,), theta=(0.4,), driving_variance=1.0, interval=1.0)
+    >>> fit = fit_arma(noise.simulate(20_000, 1.0, np.random.default_rng(1)), 1, 1)
+    >>> bool(abs(abs(fit.phi[0]) - 0.9) < 3.0 * fit.robust_standard_errors["phi_1"])
+    True
     """
     check_orders(p, q)
     values = checked_signal(signal, 10 + 5 * (p + q))

@@ -77,6 +77,13 @@ class ArmaFit(ToDict):
         Tests of the innovations.
     candidates : tuple of ArmaCandidate
         The orders that `select_arma` compared.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fit_arma
+    >>> fit_arma(np.random.default_rng(2).standard_normal(2_000), 1, 0).converged
+    True
     """
 
     JSON = "poles zeros log_likelihood aic bic samples rate converged flags diagnostics candidates"

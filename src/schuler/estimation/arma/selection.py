@@ -65,6 +65,14 @@ def select_arma(
     Notes
     -----
     Spec 5.1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import select_arma
+    >>> white = np.random.default_rng(1).standard_normal(3_000)
+    >>> select_arma(white, 1, 1, criterion="bic").phi.size
+    0
     """
     check_orders(max_p, max_q)
     if criterion not in ("aic", "bic"):

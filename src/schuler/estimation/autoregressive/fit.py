@@ -169,6 +169,17 @@ def fit_ar(
     Notes
     -----
     Spec 3; S003 (1)-(13).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fit_ar
+    >>> rng = np.random.default_rng(1)
+    >>> signal = np.zeros(20_000)
+    >>> for k in range(1, signal.size):
+    ...     signal[k] = 0.8 * signal[k - 1] + rng.standard_normal()
+    >>> fit_ar(signal, 1).coefficients.round(2)
+    array([-0.79])
     """
     _check_rate(rate)
     series = _series(signal, order, method, remove_mean)
@@ -217,6 +228,14 @@ def select_ar(
     Notes
     -----
     Spec 3: n = pmax+1 .. N for every p. The parameters are a_1 .. a_p and the variance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import select_ar
+    >>> white = np.random.default_rng(1).standard_normal(5_000)
+    >>> select_ar(white, max_order=5).order
+    0
     """
     _check_rate(rate)
     if criterion not in get_args(Criterion):

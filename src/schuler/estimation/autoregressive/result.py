@@ -93,6 +93,13 @@ class ArFit(ToDict):
         Samples a second; `process` needs it.
     selection : ArSelection or None
         How the order was chosen.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fit_ar
+    >>> fit_ar(np.random.default_rng(1).standard_normal(5_000), 2).reflection.round(1) + 0.0
+    array([0., 0.])
     """
 
     JSON = (

@@ -219,6 +219,14 @@ def compare_methods(
         An unknown method, a signal that is not one-dimensional or not finite, an impossible rate.
     EstimationError
         Fewer than 100 samples, a signal that does not vary, or no method has an answer.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import WhiteNoise, compare_methods
+    >>> signal = WhiteNoise(1e-3).simulate(20_000, 0.01, np.random.default_rng(1))
+    >>> sorted(compare_methods(signal, 100.0, ("allan", "slope")).results)
+    ['allan', 'slope']
     """
     wanted = _checked(methods)
     values = checked_signal(signal, _FEWEST)

@@ -79,6 +79,19 @@ def fit_garch(
     Notes
     -----
     Spec 5.2, S000 (7) and (8); the parameter vector has p + q + 1 entries.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fit_garch
+    >>> rng = np.random.default_rng(1)
+    >>> signal, variance = np.zeros(20_000), 1.0
+    >>> for k in range(signal.size):
+    ...     signal[k] = variance**0.5 * rng.standard_normal()
+    ...     variance = 0.1 + 0.1 * signal[k] ** 2 + 0.8 * variance
+    >>> fit = fit_garch(signal)
+    >>> round(float(fit.alpha[0]), 1), round(float(fit.beta[0]), 1)
+    (0.1, 0.8)
     """
     if int(p) != p or int(q) != q or p < 1 or q < 0:
         raise InputError(f"GARCH orders ({p}, {q})", expected="p at least 1, q at least 0")

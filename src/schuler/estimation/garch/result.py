@@ -96,6 +96,13 @@ class GarchFit(ToDict):
         Of Student's law, where it was fitted.
     candidates : tuple of GarchCandidate
         The orders that `select_garch` compared.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fit_garch
+    >>> fit_garch(np.random.default_rng(1).standard_normal(3_000)).samples
+    3000
     """
 
     JSON = (

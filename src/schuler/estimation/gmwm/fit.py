@@ -74,6 +74,14 @@ def fit_gmwm(
         Fewer than 100 samples, or a signal that does not vary.
     ModelError
         A model without a parameter that a wavelet variance shows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import WhiteNoise, fit_gmwm
+    >>> signal = WhiteNoise(1e-3).simulate(60_000, 0.01, np.random.default_rng(1))
+    >>> [part.kind for part in fit_gmwm(signal, 100.0).process.parts]
+    ['white_noise']
     """
     values = one_channel(signal)
     curve = wavelet_variance(values, rate, robust, efficiency)

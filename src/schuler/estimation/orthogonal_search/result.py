@@ -73,6 +73,13 @@ class FosFit(ToDict):
         Of the signal, in u.
     cautions : tuple of Caution
         What to know before use.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fast_orthogonal_search
+    >>> fast_orthogonal_search(np.random.default_rng(1).standard_normal(2_000), 3).candidates
+    3
     """
 
     JSON = (

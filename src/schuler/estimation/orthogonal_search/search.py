@@ -111,6 +111,17 @@ def fast_orthogonal_search(
     -----
     Spec 4.2-4.4. With all lags of degree 1 and no stopping this is the covariance method with
     an intercept (E-003-2). All averages are over n = L+1 .. N.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fast_orthogonal_search
+    >>> rng = np.random.default_rng(1)
+    >>> signal = np.zeros(5_000)
+    >>> for k in range(2, signal.size):
+    ...     signal[k] = 0.5 * signal[k - 2] + rng.standard_normal()
+    >>> [str(term) for term in fast_orthogonal_search(signal, 5).terms]
+    ['(2,)']
     """
     lags = max_lag if input_lags is None else input_lags
     _check(max_lag, degree, max_terms, len(inputs), lags, stopping, significance)

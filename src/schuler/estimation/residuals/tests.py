@@ -143,6 +143,13 @@ def ljung_box_test(
     Notes
     -----
     Ljung and Box 1978; robust form after Lobato, Nankervis and Savin 2001. Spec 5.2 and 8.1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ljung_box_test
+    >>> bool(ljung_box_test(np.random.default_rng(1).standard_normal(5_000)).p_value > 0.05)
+    True
     """
     values = _varying(residuals, lags)
     if fitted_parameters >= lags:
@@ -198,6 +205,13 @@ def arch_lm_test(residuals: ArrayLike, lags: int = 10) -> HypothesisTest:
     -----
     Spec 5.2, S000 section 5. On the standardised residuals of a fitted GARCH model the test is
     slightly conservative, because the parameters were fitted to the same data.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import arch_lm_test
+    >>> bool(arch_lm_test(np.random.default_rng(1).standard_normal(5_000)).p_value > 0.05)
+    True
     """
     squares = _varying(residuals, lags) ** 2
     squares = squares - squares.mean()

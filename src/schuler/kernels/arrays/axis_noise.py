@@ -16,13 +16,7 @@ from schuler.kernels.types import BoolArray, FloatArray, IntArray
 def working_variances(
     variance: FloatArray, use: BoolArray, level: float, scatter: float, working: FloatArray
 ) -> None:
-    """Draw variances together as far as their scatter is no more than that of estimation.
-
-    variance (M,): estimated s; use (M,): axes in use; the others keep their s; level: smallest
-    variance allowed; scatter: variance of ln s that estimation alone makes; zero: s is taken as it
-    is; working (M,): filled in place: ln s pulled to its mean by the share that chance explains
-    (James-Stein).
-    """
+    """Draw variances together as far as their scatter is no more than that of estimation."""
     mean = square = 0.0
     count = 0
     for m in range(variance.size):
@@ -138,12 +132,7 @@ def follow_biases(
     plan: Plan,
     bias: FloatArray,
 ) -> None:
-    """Let bias differences follow the mean residuals, in the gauge of the mean of the axes.
-
-    means (M,): mean residuals of the block; trust (M,): share of the gain for each axis: less in
-    motion, none for a suspect; gain: share of a block; axes (M, 3): all axes; plan: of the axes in
-    use with equal weights; bias (M,): brought up to date.
-    """
+    """Let bias differences follow the mean residuals, in the gauge of the mean of the axes."""
     active, pi, count = plan.active, plan.pi, plan.count[0]
     x0 = x1 = x2 = 0.0
     for a in range(count):
@@ -170,14 +159,7 @@ def follow_variances(
     work: FloatArray,
     ratio: FloatArray,
 ) -> None:
-    """Let variances follow the squares of a block: their common level soon, each one slowly.
-
-    What all axes do together is known from all of them, so it can be followed with a short memory;
-    by its median, so that one axis does not move the others. excess, seen (M,): sums of f²/q of the
-    block, and of how many samples; use (M,): axes in use; block: samples of a block; adaptation,
-    common: share of a block in each variance, and in the common level; variance (M,): brought up to
-    date; work, ratio (M,): work space.
-    """
+    """Let variances follow the squares of a block: their common level soon, each one slowly."""
     number, samples = 0, 0.0
     for m in range(variance.size):
         ratio[m] = excess[m] / seen[m] if seen[m] > 0.0 else 1.0

@@ -18,12 +18,7 @@ from schuler.kernels.types import BoolArray, FloatArray, IntArray
 def invert_symmetric(
     a: float, b: float, c: float, d: float, e: float, f: float
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Invert a positive semidefinite 3 x 3 matrix.
-
-    a, b, c, d, e, f: its upper triangle, row by row. Numbers, because handing on arrays costs more
-    than this. Returns its determinant over that of its diagonal, between 0 (singular) and 1
-    (orthogonal), and the upper triangle of the inverse; zeros when the determinant is not positive.
-    """
+    """Invert a positive semidefinite 3 x 3 matrix."""
     m00, m01, m02 = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * m00 + b * m01 + c * m02
     scale = a * d * f
@@ -38,12 +33,7 @@ def invert_symmetric(
 def arrange(
     axes: FloatArray, unit: IntArray, variance: FloatArray, use: BoolArray, plan: Plan
 ) -> int:
-    """Fill the plan for the axes in use.
-
-    axes (M, 3): unit rows h of all axes; unit (M,): unit of each, not decreasing; variance (M,): s
-    of a sample; use (M,): which to use; plan: filled. Returns number of axes in use; -1 when they
-    leave a direction unmeasured.
-    """
+    """Fill the plan for the axes in use."""
     active, bounds, h, pi, weight = plan.active, plan.bounds, plan.h, plan.pi, plan.weight
     testing, inverse = plan.testing, plan.inverse
     units = bounds.size - 1

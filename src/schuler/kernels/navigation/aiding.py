@@ -30,13 +30,7 @@ from schuler.kernels.types import FloatArray
 def constraint_applies(
     kind: int, velocity: FloatArray, covariance: FloatArray, rolling: float, standing: float
 ) -> bool:
-    """Whether the vehicle moves as a constraint supposes, by the filter's own speed.
-
-    A vehicle that only rolls (kind 2) must be faster than `rolling`. One that was taken for
-    standing (kinds 3, 4) must be slower than `standing` within three standard deviations, of
-    which no more than 1 m/s each is granted: a smooth road feels like no road. Other kinds always
-    apply.
-    """
+    """Whether the vehicle moves as a constraint supposes, by the filter's own speed."""
     speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2)
     if kind == 2:
         return speed > rolling

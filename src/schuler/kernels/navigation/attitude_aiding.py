@@ -28,12 +28,7 @@ def heading_model(
     residual: FloatArray,
     design: FloatArray,
 ) -> None:
-    """Write residual (3,) and H (3, n) of the heading of a direction of the body.
-
-    value[0]: heading from true north, rad; `baseline` (3,): the direction in body axes. Only the
-    first component is used; a direction that points straight up or down has no heading and gives
-    no information.
-    """
+    """Write residual (3,) and H (3, n) of the heading of a direction of the body."""
     clear(design)
     for i in range(3):
         residual[i] = 0.0

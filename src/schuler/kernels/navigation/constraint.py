@@ -74,14 +74,7 @@ def constraint_model(
     frame_rate: Array,
     tie: Tie,
 ) -> None:
-    """Residuals and Jacobians of one pair. Spec 7.6.
-
-    relative (3, 3): C_12; arm (3,): a; body_rate (3,): w, in the axes of IMU 1; frame_rate (3,):
-    rate of n against i, in n. Writes residual (9,) attitude (rad), position (m), velocity (m/s);
-    by_first and by_second (9, 9) of the navigation errors (position, velocity, attitude) of
-    either IMU; by_relative (9, 6) of the errors of C_12 and a; by_gyro (3, 3) of the velocity
-    residual by the error left in the gyros of IMU 1.
-    """
+    """Residuals and Jacobians of one pair. Spec 7.6."""
     residual, by_gyro = tie.residual, tie.by_gyro
     by_first, by_second, by_relative = tie.by_first, tie.by_second, tie.by_relative
     clear(by_first)

@@ -49,13 +49,7 @@ def navigation_rows(
     earth: FloatArray,
     transport: FloatArray,
 ) -> None:
-    """Apply one step of the transition to nine rows. Spec 7.2.
-
-    `rows` (9 rows), `channel_errors` (6 rows): accelerometer then gyro errors in the body frame,
-    `result` (9 rows): flat arrays with 264 places a row, so that the compiler knows the rows lie
-    apart and vectorises along them; `width` is at most 256. `earth` (10,) as `strapdown_step`
-    leaves it; `transport` (3,): 1/(R_N + h), -1/(R_M + h), -tan(latitude)/(R_N + h).
-    """
+    """Apply one step of the transition to nine rows. Spec 7.2."""
     s = 264
     half = 0.5 * dt
     a0, a1, a2 = earth[0] * half, earth[1] * half, earth[2] * half
@@ -98,14 +92,7 @@ def navigation_rows(
 def channel_rows(
     covariance: FloatArray, channel: IntArray, direction: FloatArray, width: int, result: FloatArray
 ) -> None:
-    """Sum the rows of the sensor states into the six channel errors of the body frame.
-
-    State j, row 9 + j of `covariance`, adds direction[j] (3,) times its row to the accelerometer
-    (channel[j] of 0 to 2) or gyro triad (3 to 5); a state that shows in no channel has channel
-    -1, one that does not show by itself (the slope of a ramp) direction zero. The common case, a
-    state that is the whole error of the axis channel[j], is marked by direction[j, 0] = NaN: only
-    one of the three rows is then touched. `result`: 6 rows of 264.
-    """
+    """Sum the rows of the sensor states into the six channel errors of the body frame."""
     s = 264
     for c in range(6):
         for k in range(width):

@@ -388,14 +388,7 @@ def write_outputs(f: Filter, row: int) -> None:
 
 @kernel()
 def run_filter(f: Filter, begin: int, stop: int, updates: int, closing: bool) -> int:
-    """Take samples begin to stop - 1, and the first `updates` measurements as they fall due.
-
-    The first stretch of a run needs two samples, as the first one only tells the start. Sample
-    outputs are written if they have rows, what a smoother needs if nodes.covariance has some.
-    Nodes are made at every measurement and at least every `node_interval`, at the first sample
-    and, if `closing`, at the last. Returns the sample at which the state was no longer finite,
-    or -1.
-    """
+    """Take samples begin to stop - 1, and the first `updates` measurements as they fall due."""
     state, samples, schedule, rules = f.state, f.samples, f.schedule, f.rules
     for k in range(begin, stop):
         end = samples.time[k]

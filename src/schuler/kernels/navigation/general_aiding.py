@@ -17,13 +17,7 @@ from schuler.kernels.navigation.geodesy import radii_of_curvature
 
 @kernel()
 def general_model(f: Filter, place: int) -> None:
-    """Write residual and H of z = h(x) + noise, h near a state that it was asked at.
-
-    Matrix number `place` (3, 12 + m): attitude C_nb there, then the derivatives of h by position
-    (m), velocity, attitude error and sensor states; the lever arm of the row is the position
-    there; value = what h is there, velocities and sensor states taken as zero, less what was
-    measured, with the sign turned. Sensor states are true minus estimated. Spec 7.5.
-    """
+    """Write residual and H of z = h(x) + noise, h near a state that it was asked at."""
     state, z = f.state, f.measurement
     matrix, sensor = f.schedule.matrices[place], state.sensor
     meridian, transverse = radii_of_curvature(math.sin(state.position[0]))

@@ -60,13 +60,7 @@ def adapt_noise(
     covariance: FloatArray,
     adapted: FloatArray,
 ) -> None:
-    """Take an update into the distribution of the factor on the claimed variances.
-
-    What is left of a residual after the update, squared, plus H P H' after it, has the variance
-    of the noise as its mean. A measurement that is doubted counts as one at the limit, whether it
-    was used or refused (then its `error` is zero): so noise that is far too small can grow, and a
-    few wrong fixes do not count for much.
-    """
+    """Take an update into the distribution of the factor on the claimed variances."""
     if robustness[4] == 0.0:
         return
     n = z.design.shape[1]

@@ -247,12 +247,7 @@ def smooth_with_lag(
     here: Smoothed,
     ahead: Smoothed,
 ) -> None:
-    """Smooth each node, and the one behind it, with what is measured up to a horizon.
-
-    horizon (k,): the last node whose measurements may be used for node first + i; node i itself
-    where nothing later may. Writes by i the state at the node and that at the next one under the
-    same horizon; the latter is left alone where the horizon is the node itself.
-    """
+    """Smooth each node, and the one behind it, with what is measured up to a horizon."""
     places = nodes.covariance.shape[0]
     for i in range(horizon.size):
         node = first + i

@@ -77,16 +77,7 @@ def coning_and_sculling(
     coning: FloatArray,
     sculling: FloatArray,
 ) -> None:
-    """What a sample turns and pushes beyond its increments, as rate and force changed in it.
-
-    Rate and specific force are taken as the cubic polynomials with the increments of this sample,
-    `angle` and `velocity` (3,), and of the three before it: past (3, 6), their mean rates and
-    forces, newest first. With x0 .. x3 the increments, newest first, the coning integral
-    1/2 int alpha x w dt is the sum of k_ij x_i cross x_j below, and sculling, 1/2 int (alpha x f +
-    upsilon x w) dt, the same form in both (Savage 1998). Of the terms of third
-    order in sculling those that vanish for constant rate and force are here, to the first order
-    of their change. Two increments alone would give x1 cross x0 / 12.
-    """
+    """What a sample turns and pushes beyond its increments, as rate and force changed in it."""
     a0, a1, a2 = angle[0], angle[1], angle[2]
     u0, u1, u2 = velocity[0], velocity[1], velocity[2]
     # increments of the three samples before: angles b, c, d and velocities v, w, x
@@ -157,13 +148,7 @@ def strapdown_step(
     rotation: FloatArray,
     earth: FloatArray,
 ) -> None:
-    """Advance the navigation state by one step.
-
-    Parameters are increments over this step (3,) in rad and m/s with what `coning_and_sculling`
-    adds to them, then the state, changed in place. `earth` (10,) receives what the error model
-    needs: specific force in n (3), the n-frame's rate (3), the Coriolis rate (3), the vertical
-    gravity gradient.
-    """
+    """Advance the navigation state by one step."""
     a0, a1, a2 = increment_angle[0], increment_angle[1], increment_angle[2]
     u0, u1, u2 = increment_velocity[0], increment_velocity[1], increment_velocity[2]
     phi0, phi1, phi2 = a0 + coning[0], a1 + coning[1], a2 + coning[2]

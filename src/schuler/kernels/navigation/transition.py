@@ -66,12 +66,7 @@ def scale_directions(
     direction: FloatArray,
     shown: FloatArray,
 ) -> None:
-    """Write how states show that are in proportion to what a channel measures (m, 3).
-
-    Scale factor, misalignment and g-sensitivity: state j shows along direction[j] times the
-    measured value of the channel scaled_by[j] (0-2 accelerometer, 3-5 gyro; -1: not at all). As
-    the measured value is taken, not the true one, truth = (1 - S) measured is linear in the state.
-    """
+    """Write how states show that are in proportion to what a channel measures (m, 3)."""
     for j in range(scaled_by.size):
         c = scaled_by[j]
         if c >= 0:
@@ -146,12 +141,7 @@ def raise_blocks(
     power: FloatArray,
     power_noise: FloatArray,
 ) -> bool:
-    """Raise the blocks of one interval to the number of their steps in one sample. Spec 7.3.
-
-    T^k and Q + T Q T' + ... of k = round(step / interval) >= 1 steps: one in the common case,
-    more after a gap or at a lower rate. `steps` (m,) remembers k; writes power and power_noise
-    (m, w) and tells whether anything changed.
-    """
+    """Raise the blocks of one interval to the number of their steps in one sample. Spec 7.3."""
     changed = False
     for first in range(block.shape[0]):
         if interval[first] <= 0.0 or block[first, 0] != first:

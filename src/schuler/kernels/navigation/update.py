@@ -211,13 +211,7 @@ def scalar_update(
     error: FloatArray,
     gain: FloatArray,
 ) -> float:
-    """Joseph-form update with one scalar z = h x + v; returns its innovation variance.
-
-    P <- (I - K h) P (I - K h)' + K r K' written out as P - K d' - d K' + s K K' with d = P h',
-    evaluated once for each pair and mirrored, hence symmetric by construction. `error` (n,)
-    gathers the estimate; `gain` (n,) receives K. `innovation` is already reduced by h times the
-    estimate so far.
-    """
+    """Joseph-form update with one scalar z = h x + v; returns its innovation variance."""
     n = covariance.shape[0]
     for i in range(n):
         gain[i] = 0.0

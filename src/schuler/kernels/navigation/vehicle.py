@@ -255,16 +255,7 @@ def mounting_design(state: FilterState, first: int, v: VehicleWork, design: Floa
 def vehicle_velocity_model(
     state: FilterState, model: SensorModel, rules: Rules, work: Work, z: Measurement
 ) -> None:
-    """Write residual and H of the velocity in vehicle axes.
-
-    From place `rules.vehicle` on the sensor states hold mu (3, rad), l (3, m), s (s²/m) and p
-    (rad s²/m). The value is the measured velocity, of which a vehicle that only rolls gives right
-    and down, zero. Of `work.vehicle` rate (3,), rate_variance (3,) and acceleration (3,) over
-    ground, in the body frame, are given: an axis that turns by less than three standard
-    deviations is taken not to turn, as noise that passes for turning would shorten the estimated
-    arms; the acceleration is taken as measured, only the tilt that takes gravity out of it counts
-    as wrong. by_rate (3, 3) is left there, through which the noise of the gyros shows.
-    """
+    """Write residual and H of the velocity in vehicle axes."""
     first, v, design, residual = rules.vehicle, work.vehicle, z.design, z.residual
     clear(design)
     look_from_vehicle(state, rules, v, design)

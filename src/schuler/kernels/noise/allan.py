@@ -52,14 +52,7 @@ def squared_second_differences(
 
 @kernel()
 def allan_sums(theta: FloatArray, factors: NDArray[np.int64], sums: FloatArray, block: int) -> None:
-    """Add up the squared second differences of every cluster length, block by block.
-
-    All cluster lengths are served while a block of `theta` is in the cache, two at a time: pairs
-    share the terms that both have, the shorter one then takes its last few alone. theta (n + 1,):
-    running sum of the samples; factors (t,): samples in a cluster, increasing; 2 * factor <= n;
-    sums (t,): filled in place with sum over k of (theta[k+2m] - 2 theta[k+m] + theta[k])²; block:
-    terms served before the next cluster length gets its turn.
-    """
+    """Add up the squared second differences of every cluster length, block by block."""
     for c in range(sums.size):
         sums[c] = 0.0
     for start in range(0, theta.size, block):

@@ -206,16 +206,7 @@ def relative_covariance(
     diagonal_only: bool,
     out: FloatArray,
 ) -> None:
-    """Covariance of overlapping Allan variances over the product of their expectations.
-
-    factors (t,): samples in a cluster, increasing; 2 * factor < size; size: number of values of
-    theta: one more than samples; white: variance of the white part of a sample; quantization:
-    variance of theta (in units of samples) from quantisation; walk: variance of a random walk's
-    step from sample to sample; flicker: B² 2/pi ... in K = flicker u² ln|u|/2; its scale matters
-    only beside others; gm_variance, gm_time (g,): gauss-Markov variances and correlation times in
-    samples; diagonal_only: leave everything beside the diagonal as it is; out (t, t): filled in
-    place.
-    """
+    """Covariance of overlapping Allan variances over the product of their expectations."""
     edges = np.empty(5 * (1 + 4 * (1 + gm_time.size)) + 1)
     expected = np.empty(factors.size)
     for i in range(factors.size):

@@ -61,14 +61,7 @@ def sum_squared_averaged_differences(theta: FloatArray, factor: int) -> float:
 
 @kernel()
 def mean_square_of_total_windows(values: FloatArray, factor: int, step: int) -> float:
-    """Return the mean square that the modified total and Hadamard total variances are made of.
-
-    Every window of three clusters has its trend (between the means of its halves) taken off, is
-    reflected at both ends, and gives 6 * factor second differences of cluster means. Howe and
-    Vernotte 1999; NIST SP 1065, 5.2.12 and 5.2.14. values (n,): theta for the modified total,
-    samples for the Hadamard total variance; factor: samples in a cluster; 3 * factor <= n; step:
-    values from window to window: 1 is the definition.
-    """
+    """Return the mean square that the modified total and Hadamard total variances are made of."""
     m, width = factor, 3 * factor
     half = width // 2
     gap = 0.5 * width if width % 2 == 0 else 0.5 * (width - 1) + 1.0

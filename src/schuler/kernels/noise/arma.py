@@ -27,14 +27,7 @@ def settle(
     response: FloatArray,
     log_variance: FloatArray,
 ) -> int:
-    """Run the filter with its full covariance until its gains are constant.
-
-    signal (n,): samples less a mean; phi, theta (s,): padded to the number of states s = max(p, q +
-    1); theta[0] = 1 leads; covariance (s, s): stationary covariance of the states for unit driving
-    noise; overwritten; state, response_state (s,): predicted states of the signal and of a constant
-    1, zero at the start; overwritten; sums (4,): as in `exact_innovations`; residual, response,
-    log_variance (n,) or (0,): as in `exact_innovations`. Returns number of samples used.
-    """
+    """Run the filter with its full covariance until its gains are constant."""
     s = phi.size
     gain = np.zeros(s)
     filtered = np.zeros((s + 1, s + 1))
@@ -89,14 +82,7 @@ def exact_innovations(
     response: FloatArray,
     log_variance: FloatArray,
 ) -> tuple[float, float, float, float]:
-    """Standardised innovations u of a signal and o of a constant, and what the likelihood needs.
-
-    For x(t) = mu + signal the innovations are u - (mu - 0) o: the mean is concentrated out by least
-    squares from the sums. signal (n,): samples less a mean; phi, theta (s,): padded to s = max(p, q
-    + 1) states; theta[0] = 1 leads; covariance (s, s): stationary covariance of the states for unit
-    driving noise; overwritten; residual, response, log_variance (n,): filled with u, o and ln f, f
-    being the innovation variance for unit driving noise. Returns sums of u², u o, o² and ln f.
-    """
+    """Standardised innovations u of a signal and o of a constant, and what the likelihood needs."""
     s = phi.size
     state = np.zeros(s + 1)
     response_state = np.zeros(s + 1)

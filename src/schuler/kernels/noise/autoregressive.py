@@ -73,17 +73,7 @@ def burg_lattice(
     reflection: FloatArray,
     error: FloatArray,
 ) -> int:
-    """Reflection coefficients that minimise forward and backward errors, stage by stage.
-
-    gamma_k = -2 sum e_f(n) e_b(n-1) / sum (e_f(n)² + e_b(n-1)²), sums from n = k+1 (S003 (13) with
-    its lower limit put right). One pass a stage: a block is carried to the next stage and its sums
-    are taken while it is in the cache. The one-sample delay of the backward error is a shift of the
-    pairs, never of the data. forward, backward (n,): two copies of the signal, overwritten; floor:
-    mean squared error below which the lattice ends: the signal is exactly predictable; block:
-    samples of a block; reflection (p,): filled in place; error (p,): mean of forward and backward
-    squared errors behind each stage, filled in place. Returns stages done; fewer than p where the
-    error reached the floor.
-    """
+    """Reflection coefficients that minimise forward and backward errors, stage by stage."""
     # pairs (e_f(n), e_b(n-1)): after k stages forward[k + i] belongs to backward[i]
     cross, power = 0.0, 0.0
     pairs = forward.size - 1

@@ -20,12 +20,7 @@ def garch_variances(
     before: float,
     variances: FloatArray,
 ) -> None:
-    """Fill in the conditional variances, each from the past alone.
-
-    squares (n,): e²; alpha0: constant of the recursion; alpha (p,): weights of past squares; beta
-    (q,): weights of past variances; before: square and variance at all times before the first
-    sample; variances (n,): filled in place.
-    """
+    """Fill in the conditional variances, each from the past alone."""
     for t in range(squares.size):
         total = alpha0
         for i in range(alpha.size):
@@ -46,14 +41,7 @@ def garch11_slopes(
     information: FloatArray,
     outer: FloatArray,
 ) -> float:
-    """Log likelihood of GARCH(1,1) less its constant, with derivatives.
-
-    squares (n,): e², of about unit mean; alpha0, alpha, beta: parameters; before: square and
-    variance before the first sample; score (3,): filled with the gradient by alpha0, alpha, beta;
-    information (3, 3): filled with half the sum of (ds/s)(ds/s)', the expected information; outer
-    (3, 3): filled with the sum of the outer products of the scores; left out if empty. Returns -1/2
-    sum (ln s + e²/s).
-    """
+    """Log likelihood of GARCH(1,1) less its constant, with derivatives."""
     product, logs, fit = 1.0, 0.0, 0.0
     g0 = g1 = g2 = 0.0
     i00 = i01 = i02 = i11 = i12 = i22 = 0.0
@@ -122,17 +110,7 @@ def arma_garch_slopes(
     residual: FloatArray,
     variances: FloatArray,
 ) -> float:
-    """Log likelihood of ARMA(p, q) with GARCH(shocks, memories) innovations, less its constant.
-
-    The start of the ARMA part is conditional: the signal is at its mean before the first sample.
-    signal (n,): x, of about unit variance; parameters (k,): mean, phi, theta, alpha0, alpha, beta;
-    the mean and the ARMA part are left out when p is negative, and the signal is then the
-    innovation itself; p, q: orders of the ARMA part; p = -1, q = 0 for none; shocks, memories:
-    orders of the GARCH part; before: square and variance before the first sample; score (k,):
-    filled with the gradient; information (k, k): filled with the sum of (ds/s)(ds/s)'/2 + de de'/s;
-    outer (k, k) or (0, 0): filled with the sum of the outer products of the scores; left out if
-    empty; residual, variances (n,): filled with e and s. Returns -1/2 sum (ln s + e²/s).
-    """
+    """Log likelihood of ARMA(p, q) with GARCH(shocks, memories) innovations, less its constant."""
     k = parameters.size
     lead = p + q + 1
     mean = parameters[0] if p >= 0 else 0.0
@@ -216,12 +194,7 @@ def garch_noise(
     before: float,
     variances: FloatArray,
 ) -> None:
-    """Turn white unit noise into GARCH noise, in place.
-
-    noise (n,): Z on entry, e = Z sqrt(s) on return; alpha0: constant of the recursion; alpha (p,):
-    weights of past squares; beta (q,): weights of past variances; before: square and variance
-    before the first sample; variances (n,): filled in place.
-    """
+    """Turn white unit noise into GARCH noise, in place."""
     for t in range(noise.size):
         total = alpha0
         for i in range(alpha.size):

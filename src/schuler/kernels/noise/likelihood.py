@@ -31,12 +31,7 @@ def start_at_first(
     state: FloatArray,
     covariance: FloatArray,
 ) -> None:
-    """Write state and covariance predicted for the second value.
-
-    first: first value; phi, load, drive, shared (d,): phi, a, q, c of every state, the level last;
-    noise: r; stationary (d,): variance of the states at the start; the last is not used; state
-    (d,): filled in place; covariance (d, d): filled in place.
-    """
+    """Write state and covariance predicted for the second value."""
     d = phi.size
     level = d - 1
     total = noise
@@ -73,15 +68,7 @@ def covariance_step(
     work: FloatArray,
     tolerance: float,
 ) -> tuple[float, float]:
-    """Write gain and covariance of filter f one step on; return innovation variance and change.
-
-    f: which filter. (Rows are indexed, not sliced: this is the hot loop.); phi, load, drive, shared
-    (filters, d): as above; noise (filters,): r; covariance (filters, d, d): predicted, its lower
-    triangle replaced by the next prediction; gain (filters, d): row f filled in place: what an
-    innovation adds to the next prediction; work (d,): scratch; tolerance: relative change of a
-    variance that counts as none. Returns innovation variance, and the largest change beyond the
-    tolerance; zero when steady.
-    """
+    """Write gain and covariance of filter f one step on; return innovation variance and change."""
     d = phi.shape[1]
     variance = noise[f]
     for i in range(d):
@@ -163,15 +150,7 @@ def likelihood_pass(
     score: FloatArray,
     information: FloatArray,
 ) -> tuple[float, float]:
-    """Run f filters; filter 0 has the parameters, filter i has parameter i moved by `step`.
-
-    values (n,): data, n >= 2; phi, load, drive, shared, stationary (f, d): by filter and state; the
-    last state is the level; noise (f,): r of every filter; step: by how much the parameters were
-    moved; tolerance: relative change of the covariances below which the filters count as steady;
-    score (f - 1,): filled in place with the derivatives of the log-likelihood; information (f - 1,
-    f - 1): filled in place with the expected information, given the data's own past. Returns
-    diffuse log-likelihood of the values after the first, and the last innovation variance.
-    """
+    """Run f filters; filter 0 has the parameters, filter i has parameter i moved by `step`."""
     n, filters, d = values.size, phi.shape[0], phi.shape[1]
     state, gain = np.empty((filters, d)), np.empty((filters, d))
     covariance, work = np.empty((filters, d, d)), np.empty(d)

@@ -15,15 +15,7 @@ def fill_candidates(
     start: int,
     out: FloatArray,
 ) -> None:
-    """Write the candidates of a block of samples, each less the product of its factors' means.
-
-    With x = m + u, a product is m1 m2 + m1 u2 + u1 (m2 + u2); the constant is never formed, so that
-    nothing cancels where the mean (gravity) is large beside the noise. signals (s, n): centred
-    signals u, the one to be predicted first; means (s,): means m in the same units; sources, lags
-    (c, 2): signals and lags of the two factors; second source -1 for linear candidates; start:
-    sample (from zero) that the first column of `out` predicts; out (c, k): filled in place:
-    candidate by sample.
-    """
+    """Write the candidates of a block of samples, each less the product of its factors' means."""
     count = out.shape[1]
     for c in range(sources.shape[0]):
         first = signals[sources[c, 0]]

@@ -18,14 +18,7 @@ def kalman_states(
     start: FloatArray,
     states: FloatArray,
 ) -> None:
-    """Write the state estimate behind every sample.
-
-    The gain is held once it has stopped changing; from there a step costs a state update only.
-    signal (n,): measurements output @ x + white noise; transition, noise (s, s): x(k+1) =
-    transition @ x(k) + w, covariance of w; output (s,): output row; white: variance of the white
-    noise of a sample; start (s, s): covariance of the state before the first sample; states (n, s):
-    filled in place with the estimates from samples up to and with each.
-    """
+    """Write the state estimate behind every sample."""
     size = output.size
     covariance, work = start.copy(), np.zeros((size, size))
     state, ahead, gain, row = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)

@@ -12,12 +12,7 @@ from schuler.kernels.compile import kernel
 def rare_changes(
     log_likelihood: NDArray[np.float64], penalty: float, path: NDArray[np.int64]
 ) -> None:
-    """Find the sequence of states of largest likelihood, each change paid for.
-
-    log_likelihood (n, s): of each sample in each state; penalty: what a change from any state to
-    any other costs; path (n,): receives the states. Source: Viterbi 1967, IEEE Trans. Inf. Theory
-    13(2), with one cost for all changes, so that each step needs the best state only: O(n s).
-    """
+    """Find the sequence of states of largest likelihood, each change paid for."""
     n, states = log_likelihood.shape
     came_from = np.empty((n, states), dtype=np.int64)
     score = np.zeros(states)

@@ -14,12 +14,7 @@ from schuler.kernels.types import FloatArray
 
 @kernel()
 def medians_at_nodes(signal: FloatArray, window: int, step: int, medians: FloatArray) -> None:
-    """Write the median of `window` samples about every `step`-th sample.
-
-    signal (n,): samples, n >= window; window: samples under the median; at the ends of the record
-    the window is moved inwards; step: samples from node to node; node k is sample k * step; medians
-    (m,): filled in place.
-    """
+    """Write the median of `window` samples about every `step`-th sample."""
     n = signal.size
     for k in range(medians.size):
         start = min(max(k * step - window // 2, 0), n - window)
@@ -67,12 +62,7 @@ def biweight_spread(
 
 @kernel(reduction=True)
 def biweight_influence(residual: FloatArray, reach: float, influence: FloatArray) -> float:
-    """Write w r for every residual, and return the sum of its slopes d(w r)/dr.
-
-    residual (n,): residuals; reach: c times the scale, in the unit of the residuals; influence
-    (n,): filled in place; may be `residual` itself. Returns sum of (1 - u)(1 - 5 u), u = (r/c)²,
-    over the residuals within reach.
-    """
+    """Write w r for every residual, and return the sum of its slopes d(w r)/dr."""
     slope = 0.0
     inverse = 1.0 / (reach * reach)
     for k in range(residual.size):
@@ -87,12 +77,7 @@ def biweight_influence(residual: FloatArray, reach: float, influence: FloatArray
 def haar_coefficients(
     theta: FloatArray, factor: int, stride: int, coefficients: FloatArray
 ) -> None:
-    """Write interior Haar coefficients: half the difference of two neighbouring means.
-
-    theta (n + 1,): running sum of the samples, theta[0] = 0; factor: samples under either mean;
-    stride: every how many-th coefficient; coefficients (k,): filled in place; (k - 1) * stride + 2
-    * factor <= n.
-    """
+    """Write interior Haar coefficients: half the difference of two neighbouring means."""
     scale = 0.5 / factor
     for k in range(coefficients.size):
         t = k * stride

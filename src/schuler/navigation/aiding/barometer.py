@@ -36,6 +36,13 @@ class Barometer:
         By which it changes, m/sqrt(s): 0.03 is 2 m in an hour.
     place : int
         Of its state; -1: not placed, and the heights are taken as they are.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Barometer
+    >>> Barometer(np.arange(10.0), np.full(10, 520.0), sd=0.5).offset_sd
+    100.0
     """
 
     time: ArrayLike

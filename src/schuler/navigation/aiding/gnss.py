@@ -41,6 +41,12 @@ class CorrelatedGnss:
     -----
     A receiver's own deviation is taken as that of both parts together: what is left for the white
     part is its square less that of the slow part, and at least 2 % of it.
+
+    Examples
+    --------
+    >>> from schuler import CorrelatedGnss
+    >>> CorrelatedGnss(sigma=1.5, correlation_time=60.0).sigma
+    1.5
     """
 
     sigma: float

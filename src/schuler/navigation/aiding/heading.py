@@ -36,6 +36,13 @@ class Heading:
         Standard deviation of a constant error (antennas mounted askew), rad; zero: none.
     place : int
         Of its state; -1: not placed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Heading
+    >>> Heading(np.arange(10.0), np.zeros(10), np.full(10, 0.02), offset_sd=0.01).heading.size
+    10
     """
 
     time: ArrayLike

@@ -50,6 +50,12 @@ class GnssWeighting:
     ------
     InputError
         Another kind of update, or numbers that cannot be.
+
+    Examples
+    --------
+    >>> from schuler import GnssWeighting, MeasurementOptions
+    >>> MeasurementOptions(weighting=GnssWeighting(update="huber")).weighting.update
+    'huber'
     """
 
     update: Update = "gate"
@@ -98,6 +104,12 @@ class MeasurementOptions:
     sources : tuple of PlacedAiding or MeasurementSource
         Heading, barometer, magnetometer, and measurements of one's own: any object with `name`,
         `time` and `linearise`, see `MeasurementSource`.
+
+    Examples
+    --------
+    >>> from schuler import CorrelatedGnss, MeasurementOptions
+    >>> MeasurementOptions(correlated=CorrelatedGnss(sigma=1.5, correlation_time=60.0)).sources
+    ()
     """
 
     weighting: GnssWeighting = CLAIMED

@@ -203,12 +203,7 @@ def default_weight(prepared: PreparedArray) -> FloatArray:
 def stack_start(
     prepared: PreparedArray, gnss: GnssRecording, rigid: RigidBody, model: StackModel
 ) -> StackState:
-    """Every IMU starts where the mounting puts it on the aligned body.
-
-    Their errors are those of the body, common to all, and those of their mountings: the covariance
-    between the blocks starts as large as it is. What is body and what is mounting error nobody
-    can say; the axes and the origin of the body are the mean of what the mountings say of them.
-    """
+    """Every IMU starts where the mounting puts it on the aligned body."""
     body = prepared.setup.initial_state(prepared.recording, gnss)
     sensors = prepared.sensor_start()
     mounting, k = prepared.array.mounting, prepared.array.count
