@@ -56,7 +56,6 @@ MEASUREMENTS_KEPT = 4096
 # at one time positions come first, then velocities, then all else
 OTHER_RANK = 2
 
-_NO_ARM = np.zeros(3)
 _NONE = np.full(3, -1, dtype=np.int64)
 
 
@@ -442,9 +441,10 @@ class NavigationFilter:
         """Make of a sample what else it tells: constraints, a bridge over a gap, its noise."""
         if self._constraints is not None:
             for when, kind, value, variance in self._constraints.rows(time, gyro, accel):
-                row = np.zeros(1, dtype=AIDING_ROW)
-                row[0] = (when, kind, OTHER_RANK, value, variance, _NO_ARM, _NONE, -1)
-                self._insert(row.view(np.float64), when, OTHER_RANK)
+                row = _Rows.blank(1)
+                row.table["kind"], row.table["rank"] = kind, OTHER_RANK
+                row.first[0], row.value[:], row.variance[:] = when, value, variance
+                self._insert(row.first, when, OTHER_RANK)
         if self._gaps is not None and self._gaps.shortest < time - self._last < math.inf:
             self._bridge(time, gyro, accel, self._gaps)
         if white_scale is None and self._vibration is not None:
