@@ -442,9 +442,9 @@ class NavigationFilter:
         if self._constraints is not None:
             for when, kind, value, variance in self._constraints.rows(time, gyro, accel):
                 row = _Rows.blank(1)
-                row.table["time"], row.table["kind"], row.table["rank"] = when, kind, OTHER_RANK
-                row.value[0], row.variance[0] = value, variance
-                self._insert(row.bytes[0], when, OTHER_RANK)
+                row.table["kind"], row.table["rank"] = kind, OTHER_RANK
+                row.first[0], row.value[:], row.variance[:] = when, value, variance
+                self._insert(row.first, when, OTHER_RANK)
         if self._gaps is not None and self._gaps.shortest < time - self._last < math.inf:
             self._bridge(time, gyro, accel, self._gaps)
         if white_scale is None and self._vibration is not None:
