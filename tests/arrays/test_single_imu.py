@@ -17,7 +17,9 @@ from schuler.rotations import dcm_from_rotation_vector
 RATE, REST, TURN = 100.0, 4.0, 2.0
 ACCEL_BIAS = np.array([0.12, -0.2, 0.08])
 GYRO_BIAS = np.radians([0.5, -0.3, 0.8])
-ACCEL = np.eye(3) + np.array([[0.012, 0.003, -0.004], [0.003, -0.008, 0.002], [-0.004, 0.002, 0.01]])
+ACCEL = np.eye(3) + np.array(
+    [[0.012, 0.003, -0.004], [0.003, -0.008, 0.002], [-0.004, 0.002, 0.01]]
+)
 GYRO = np.eye(3) + np.array([[0.01, 0.002, 0.001], [-0.003, -0.012, 0.002], [0.002, 0.001, 0.008]])
 
 
