@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,9 @@ from schuler.arrays.synthesis.cornered_hat import FLOOR, cornered_hat
 from schuler.arrays.synthesis.least_squares import least_squares, residuals
 from schuler.errors import EstimationError, InputError
 from schuler.types import FloatArray
+
+if TYPE_CHECKING:
+    from schuler.kernels.arrays.redundancy_data import FollowedOutputs, Tuning
 
 EVENTS = 10_000
 """Lines of the log of one kind of sensor that are kept."""
@@ -240,6 +244,90 @@ def _nan_median(x: FloatArray) -> FloatArray:
     return out
 
 
+@dataclass(frozen=True, slots=True)
+class _Blocks:
+    """How a recording is cut: n samples of M sensors in blocks of `size` samples.
+
+    The first samples give the start values, `learning` blocks are followed before faults count.
+    """
+
+    samples: int
+    sensors: int
+    size: int
+    number: int
+    seconds: float
+    first: int
+    learning: int
+
+    @classmethod
+    def of(cls, sensors: RedundantSensors, settings: OnlineSettings, *, known: bool) -> _Blocks:
+        """Cut a recording; nothing has to be learnt where the noise is known."""
+        n, count = sensors.measurements.shape
+        step = sensors.step
+        size = max(1, min(round(settings.block / step), n))
+        first = min(n, max(round(settings.learning / step), 20))
+        learning = 0 if known else -(-first // size)
+        return cls(n, count, size, -(-n // size), size * step, first, learning)
+
+
+def _tuning(
+    settings: OnlineSettings, watch: Watch | None, cut: _Blocks, *, adapting: bool, known: bool
+) -> Tuning:
+    """Shares of a block and thresholds, as the kernel wants them."""
+    from schuler.kernels.arrays.redundancy_data import Tuning
+
+    seconds = cut.seconds
+    gain = 0.0
+    if settings.bias_time_constant is not None and not settings.keep_biases:
+        gain = 1.0 - np.exp(-seconds / settings.bias_time_constant)
+    adaptation = 1.0 - np.exp(-seconds / settings.time_constant) if adapting else 0.0
+    scatter = 0.0
+    if settings.shrink and adapting:
+        pull = 1.0 - adaptation * (cut.sensors - 3.0) / cut.sensors
+        scatter = adaptation**2 * (2.0 / cut.size) / (1.0 - pull**2)
+    return Tuning(
+        block=cut.size,
+        adaptation=float(adaptation),
+        common=float(1.0 - np.exp(-seconds / (COMMON * settings.time_constant))),
+        scatter=float(scatter),
+        clip=settings.clip**2,
+        floor=FLOOR if adapting else 0.0,
+        bias_gain=float(gain),
+        bias_samples=np.inf if known else float(cut.first),
+        wander=0.0 if watch is None else watch.wander**2,
+        spike=np.inf if watch is None else watch.spike,
+        smoothing=np.zeros(0) if watch is None else smoothing_shares(watch, seconds),
+        axis_threshold=_numbers(() if watch is None else watch.axis_threshold),
+        unit_threshold=_numbers(() if watch is None else watch.unit_threshold),
+        unit_margin=np.inf if watch is None else watch.unit_margin,
+        factor_gain=0.0 if watch is None else 1.0 - np.exp(-seconds / watch.factor_time_constant),
+        learning=cut.learning,
+        readmission=np.inf if watch is None else watch.readmission,
+        recall=round(RECALL / seconds),
+    )
+
+
+def _outputs(cut: _Blocks, smoothed: int) -> FollowedOutputs:
+    """Rows for samples and blocks."""
+    from schuler.kernels.arrays.redundancy_data import FollowedOutputs
+
+    n, blocks = cut.samples, cut.number
+    return FollowedOutputs(
+        fused=np.empty((n, 3)),
+        covariance=np.empty((blocks, 6)),
+        variances=np.empty((blocks, cut.sensors)),
+        usage=np.empty((blocks, cut.sensors), np.int8),
+        freedom=np.empty(blocks, np.int16),
+        statistic=np.empty(n),
+        axis_statistic=np.empty(n),
+        axis_suspect=np.empty(n, np.int16),
+        unit_statistic=np.empty(n),
+        unit_suspect=np.empty(n, np.int16),
+        smoothed=np.empty((blocks, smoothed)),
+        events=np.zeros((EVENTS, 8)),
+    )
+
+
 def follow_sensors(
     sensors: RedundantSensors,
     start: AxisNoise | None,
@@ -253,73 +341,21 @@ def follow_sensors(
 ) -> Followed:
     """Follow one kind of sensor through a recording."""
     from schuler.kernels.arrays.redundancy import follow
-    from schuler.kernels.arrays.redundancy_data import (
-        FollowedOutputs,
-        Redundancy,
-        RedundantAxes,
-        Remembered,
-        Tuning,
-    )
+    from schuler.kernels.arrays.redundancy_data import Redundancy, RedundantAxes, Remembered
 
-    n, count = sensors.measurements.shape
-    step = sensors.step
-    block = max(1, min(round(settings.block / step), n))
-    blocks = -(-n // block)
-    seconds = block * step
-    first = min(n, max(round(settings.learning / step), 20))
-    learning = 0 if start is not None else -(-first // block)
-    begin = start_values(sensors, first) if start is None else start
-    bias = np.zeros(count) if settings.keep_biases else begin.bias.astype(np.float64).copy()
-    gain = 0.0
-    if settings.bias_time_constant is not None and not settings.keep_biases:
-        gain = 1.0 - np.exp(-seconds / settings.bias_time_constant)
-    adaptation = 1.0 - np.exp(-seconds / settings.time_constant) if adapting else 0.0
-    common = 1.0 - np.exp(-seconds / (COMMON * settings.time_constant))
-    scatter = 0.0
-    if settings.shrink and adapting:
-        pull = 1.0 - adaptation * (count - 3.0) / count
-        scatter = adaptation**2 * (2.0 / block) / (1.0 - pull**2)
-    if given is None:
-        per_block = np.zeros((0, count))
-    else:
-        per_block = np.ascontiguousarray(np.broadcast_to(given[::block], (blocks, count)))
-    smoothing = np.zeros(0) if watch is None else smoothing_shares(watch, seconds)
-    out = FollowedOutputs(
-        fused=np.empty((n, 3)),
-        covariance=np.empty((blocks, 6)),
-        variances=np.empty((blocks, count)),
-        usage=np.empty((blocks, count), np.int8),
-        freedom=np.empty(blocks, np.int16),
-        statistic=np.empty(n),
-        axis_statistic=np.empty(n),
-        axis_suspect=np.empty(n, np.int16),
-        unit_statistic=np.empty(n),
-        unit_suspect=np.empty(n, np.int16),
-        smoothed=np.empty((blocks, smoothing.size)),
-        events=np.zeros((EVENTS, 8)),
-    )
-    patience = 1 if watch is None else max(round(watch.hold / seconds), 1)
-    tuning = Tuning(
-        block=block,
-        adaptation=float(adaptation),
-        common=float(common),
-        scatter=float(scatter),
-        clip=settings.clip**2,
-        floor=FLOOR if adapting else 0.0,
-        bias_gain=float(gain),
-        bias_samples=np.inf if start is not None else float(first),
-        wander=0.0 if watch is None else watch.wander**2,
-        spike=np.inf if watch is None else watch.spike,
-        smoothing=smoothing,
-        axis_threshold=_numbers(() if watch is None else watch.axis_threshold),
-        unit_threshold=_numbers(() if watch is None else watch.unit_threshold),
-        unit_margin=np.inf if watch is None else watch.unit_margin,
-        factor_gain=0.0 if watch is None else 1.0 - np.exp(-seconds / watch.factor_time_constant),
-        learning=learning,
-        readmission=np.inf if watch is None else watch.readmission,
-        recall=round(RECALL / seconds),
-    )
-    given_axes = RedundantAxes(
+    known = start is not None
+    cut = _Blocks.of(sensors, settings, known=known)
+    begin = start_values(sensors, cut.first) if start is None else start
+    bias = begin.bias.astype(np.float64).copy()
+    if settings.keep_biases:
+        bias = np.zeros(cut.sensors)
+    per_block = np.zeros((0, cut.sensors))
+    if given is not None:
+        wide = np.broadcast_to(given[:: cut.size], (cut.number, cut.sensors))
+        per_block = np.ascontiguousarray(wide)
+    tuning = _tuning(settings, watch, cut, adapting=adapting, known=known)
+    out = _outputs(cut, tuning.smoothing.size)
+    axes = RedundantAxes(
         measurements=np.ascontiguousarray(sensors.measurements),
         arm_tensor=np.zeros((0, 9)) if tensor is None else np.ascontiguousarray(tensor),
         arm=np.ascontiguousarray(arm_coefficients(sensors.axes, sensors.arms)),
@@ -328,14 +364,14 @@ def follow_sensors(
         unit=np.ascontiguousarray(sensors.unit, dtype=np.int64),
         given=per_block,
     )
-    memory = Remembered.begin(
-        bias, begin.variance.astype(np.float64).copy(), smoothing.size, patience
-    )
-    number = follow(Redundancy.of(given_axes, sensors.units, tuning, memory, out))
+    hold = 1 if watch is None else max(round(watch.hold / cut.seconds), 1)
+    variance = begin.variance.astype(np.float64).copy()
+    memory = Remembered.begin(bias, variance, tuning.smoothing.size, hold)
+    number = follow(Redundancy.of(axes, sensors.units, tuning, memory, out))
     return Followed(
         sensors,
-        block,
-        learning,
+        cut.size,
+        cut.learning,
         out.fused,
         out.covariance[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3),
         out.variances,
