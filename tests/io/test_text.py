@@ -136,7 +136,7 @@ def test_unit_of_time_follows_from_the_rate_or_is_asked_for(tmp_path: Path) -> N
         SchulerError, match=r"100 s apart; as ms 10 Hz, as us 1e\+04 Hz.*time_unit='ms'"
     ):
         read_imu(path)
-    assert read_imu(path, time_unit="ms").rate == pytest.approx(10.0)
+    assert read_imu(path, time_unit="ms", gyro_unit="rad/s").rate == pytest.approx(10.0)
 
 
 def test_dates_and_gps_weeks(tmp_path: Path) -> None:
