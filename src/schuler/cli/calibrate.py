@@ -35,10 +35,10 @@ def calibrate(
 ) -> int:
     """Calibrate one IMU by hand, or the IMUs of an array against each other.
 
-    One IMU: laid down in 12 or more poses and turned by hand between them; bias, scale and
-    misalignment against gravity. An array: from a recording of the array lying in several poses and being turned by hand about all axes:
-    how the IMUs are turned, scale and misalignment, lever arms, biases, delays, each with its
-    standard error, and how far the sensors are apart before and after.
+    One IMU, laid down in 12 or more poses and turned by hand between them: bias, scale and
+    misalignment against gravity. An array, lying in several poses and turned by hand about all
+    axes: how the IMUs are turned, scale and misalignment, lever arms, biases, delays, and how far
+    the sensors are apart before and after. Each with its standard error.
 
     Parameters
     ----------
