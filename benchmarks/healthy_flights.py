@@ -2,9 +2,9 @@
 
     python -m benchmarks.healthy_flights [--injections 4] [--passing]
 
-Needs the recordings (SCHULER_DATA, or shared/data beside the repository). Each flight is judged with
-the calibration of another one, or calibrated in passing with the fault inside. Ends with exit code 1
-when a healthy sensor is excluded.
+Needs the recordings (SCHULER_DATA, or shared/data beside the repository). Each flight is judged
+with the calibration of another one, or calibrated in passing with the fault inside. Ends with exit
+code 1 when a healthy sensor is excluded.
 """
 
 # ruff: noqa: E402 - the number of threads is set before NumPy is imported
