@@ -22,8 +22,8 @@ SWEEPS = 50
 """Rounds of fitting variances."""
 CLIP = 9.0
 """A square counts at most as so many times what is expected of it."""
-CALM = 0.25
-"""Share of the windows that are calm."""
+CALM, LIVELY = 0.25, 0.95
+"""Share of the windows that are calm, and beyond which they are lively."""
 LEAST = 8
 """Windows that are needed."""
 
@@ -77,8 +77,8 @@ def motion_errors(array: ImuArray) -> dict[str, MotionErrors]:
             np.sum(change**2, axis=1),
         ]
         if kind == "accel":
-            lively = np.sum(rate**2, axis=1) + np.linalg.norm(slope, axis=1)
-            columns.append(_window_means(lively**2, body.rate))
+            turned = np.sum(rate**2, axis=1) + np.linalg.norm(slope, axis=1)
+            columns.append(_window_means(turned**2, body.rate))
         terms = np.stack(columns, axis=1)
         rows = np.isfinite(square) & np.isfinite(terms).all(axis=1)
         if np.count_nonzero(rows) < LEAST:
@@ -88,6 +88,9 @@ def motion_errors(array: ImuArray) -> dict[str, MotionErrors]:
         moving = terms[rows, 1:] @ variance[1:]
         calm = moving <= np.quantile(moving, CALM)
         variance[0] = max(float(variance[0]), float(np.median(square[rows][calm])))
+        # nor may a term that is below the floor in lively windows be taken for an error of motion
+        lively = np.quantile(terms[rows], LIVELY, axis=0)
+        variance[1:] = np.where(variance[1:] * lively[1:] > variance[0], variance[1:], 0.0)
         deviation = np.sqrt(np.append(variance, np.zeros(4 - variance.size)))
         found[kind] = MotionErrors(*(float(v) for v in deviation))
     return found
@@ -140,10 +143,10 @@ def _pair_squares(means: FloatArray) -> FloatArray:
 
     k = means.shape[1]
     first, second = np.triu_indices(k, 1)
-    square = ((means[:, first] - means[:, second]) ** 2).reshape(means.shape[0], -1)
+    square = np.sum((means[:, first] - means[:, second]) ** 2, axis=2)
     # pairs without the bad unit are (k - 2) / k of all: the middle of these
     part = 0.5 if k == 2 else 0.5 * (k - 2) / k
     known = np.isfinite(square).all(axis=1)
     found = np.full(square.shape[0], np.nan)
     found[known] = np.quantile(square[known], part, axis=1)
-    return found / (2.0 * float(chi2.ppf(part, 1)))
+    return found / (2.0 * float(chi2.ppf(part, 3)))

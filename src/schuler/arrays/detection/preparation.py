@@ -31,7 +31,7 @@ COLOURED = 0.3
 """Share of white scatter in these means below which the samples are vibration."""
 WANDER = 2.5
 """Slow wander of a healthy bias, in deviations of what half seconds differ by."""
-LARGEST_TURN, LARGEST_SCALE = float(np.radians(1.0)), 0.01
+LARGEST_TURN, LARGEST_SCALE = float(np.radians(1.0)), 0.005
 """Between gyros of an array that passes as calibrated, rad and a share of the rate."""
 RULED = 2.0
 """How much larger than their floor motion makes the differences in an array that is not."""

@@ -21,13 +21,15 @@ from schuler.arrays.calibration.judging import (
     with_own_delays,
 )
 from schuler.arrays.calibration.result import ArrayCalibration
-from schuler.arrays.calibration.rows import find_rests, mask_saturated
+from schuler.arrays.calibration.rows import find_rests, low_passed, mask_saturated
 from schuler.arrays.clocks.polling import own_derivative
 from schuler.arrays.clocks.resampling import rate_of_change
 from schuler.arrays.detection.motion_errors import mean_of_present
 from schuler.data import ImuArray
 from schuler.types import FloatArray
 
+DELAY_BANDWIDTH = 8.0
+"""Of the rates in which delays are looked for, Hz."""
 CHUNK = 256
 """Windows that are averaged at once."""
 SWEEPS = 12
@@ -104,7 +106,9 @@ class WindowOffsets:
 
 def calibrated_rates(calibration: ArrayCalibration, array: ImuArray) -> CalibratedRates:
     """Return the gyros of a recording calibrated, with biases and phases of its own."""
-    used = with_own_delays(calibrated_biases(calibration, array), array)
+    # vibration, which sensors do not share, spoils delays: they are found below it
+    slow = array if calibration.period is not None else low_passed(array, DELAY_BANDWIDTH)
+    used = with_own_delays(calibrated_biases(calibration, array), slow)
     track = track_phases(used, array)
     applied = used if track is None else replace(used, delay=np.zeros(used.count))
     body = applied.apply(mask_saturated(array)[0]).gyro
