@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
@@ -165,7 +166,7 @@ def figure_26(results: Results, size: Size) -> Found:
 
 
 def _by_outage(
-    results: Results, figure: str, table: dict[str, tuple[float, ...]], title: str
+    results: Results, figure: str, table: Mapping[str, tuple[float, ...]], title: str
 ) -> list[Panel]:
     outage, roles = np.arange(7.0), (*ROLES[:5], "data", "theory")
     curves = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler_papers.experiment import Results, Size, stacked
-from schuler_papers.judging import Found, plain
+from schuler_papers.judging import Found, Value, plain
 from schuler_papers.outcome import Curve, Panel, Role
 from schuler_papers.tamazin2013.predictors import ORDERS
 from schuler_papers.tamazin2013.tables import times
@@ -59,7 +59,10 @@ def offset_left_in(results: Results, size: Size) -> Found:
 def time_column(results: Results, size: Size) -> Found:
     """CPU time on the same samples."""
     seconds = stacked(results, "seconds")
-    values = {"fos over covariance": seconds[:, 3] / seconds[:, 1], "orders": 3e-11 / 1e-11}
+    values: dict[str, Value] = {
+        "fos over covariance": seconds[:, 3] / seconds[:, 1],
+        "orders": 3e-11 / 1e-11,
+    }
     return Found(values, panels=(times("accelerometer", results),))
 
 
