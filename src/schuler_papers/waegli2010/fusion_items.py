@@ -111,10 +111,8 @@ def figure_13(results: Results, size: Size) -> Found:
 def weights(results: Results, size: Size) -> Found:
     """Weights from residuals, and from unmixed variances."""
     oracle = stacked(results, "oracle")
-    values = {
-        **plain(results, size).values,
-        **{name: stacked(results, name) / oracle for name in ("naive", "hat", "equal")},
-    }
+    over_best = {name: stacked(results, name) / oracle for name in ("naive", "hat", "equal")}
+    values = {**plain(results, size).values, **over_best}
     mixing = Proof(
         "(1 - 2/n) I + 11ᵀ/n² turns variances 100, 1, 1, 1 into a ratio of 56.4/6.9",
         (0.5 * 100.0 + 103.0 / 16.0) / (0.5 + 103.0 / 16.0), 8.0, 8.3,
