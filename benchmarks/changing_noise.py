@@ -17,7 +17,7 @@ import numpy as np
 
 from schuler.data import CHANNELS
 from schuler.estimation.garch.conditional_variance import simulate_garch
-from schuler.evaluation.outage_twin import OutageTwin, draw, outage_twin
+from schuler.evaluation.outage_twin import OutageTwin, draw_outage_twin, outage_twin
 from schuler.evaluation.outage_windows import judge_window
 from schuler.navigation.error_models.changing_noise import (
     ChangingNoise,
@@ -27,7 +27,6 @@ from schuler.navigation.error_models.changing_noise import (
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.run import run
-from schuler.navigation.settings import NavigationSettings
 from schuler.noise import NoiseModel, RandomWalk, TurnOnBias, WhiteNoise
 from schuler.simulation.motions.set_pieces import SetPiece, car_with_set_pieces
 
@@ -65,7 +64,7 @@ def make_twin() -> OutageTwin:
 
 def one(twin: OutageTwin, seed: int) -> dict[str, list[float]]:
     rng = np.random.default_rng([3, seed])
-    drawn = draw(twin, rng)
+    drawn = draw_outage_twin(twin, rng)
     order = (*CHANNELS[3:], *CHANNELS[:3])
     density = np.array([WHITE[kind(c)] for c in order])
     noise, truth = {}, np.empty((drawn.imu.size, 6))
@@ -81,14 +80,7 @@ def one(twin: OutageTwin, seed: int) -> dict[str, list[float]]:
     )
     told = NoiseModel({c: WhiteNoise(WHITE[kind(c)]) + RandomWalk(WALK[kind(c)]) for c in CHANNELS})
     model = sensor_error_model(told, turn_on_accel=TURN_ON["accel"], turn_on_gyro=TURN_ON["gyro"])
-    setup = RunSetup(
-        model,
-        NoiseFactors.none(),
-        TimeOffsets(),
-        drawn.alignment,
-        np.zeros(3),
-        settings=NavigationSettings(false_alarm=0.0),
-    )
+    setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), drawn.alignment, np.zeros(3))
     recursion = VarianceRecursion(ALPHA, BETA)
     usual = {c: float(d**2) * RATE for c, d in zip(order, density, strict=True)}
     ways = {
@@ -103,7 +95,7 @@ def one(twin: OutageTwin, seed: int) -> dict[str, list[float]]:
     velocity = twin.profile.trajectory(imu.time[settled]).velocity
     found = {}
     for name, scale in ways.items():
-        done = run(imu, drawn.gnss, setup, white_scale=scale).causal
+        done = run(imu, drawn.gnss, setup, false_alarm=0.0, white_scale=scale).causal
         windows = [
             judge_window(done, twin.truth, w, lever_arm=np.zeros(3), time_offset=0.0, sd_factor=1.0)
             for w in twin.windows

@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from schuler_papers.quinchia2013.judging import SHORT, pair, ratio
+from schuler_papers.quinchia2013.outage_items import SHORT, pair, ratio
 from schuler_papers.quinchia2013.outages import LONG, PIECES, run, twins
 from schuler_papers.quinchia2013.sensor import MODELS, models
 

@@ -4,18 +4,22 @@
 sensors' error models, at 23 those of a vehicle), with storage for the smoother, and the smoother
 itself. The twin does the
 same in dense 15 x 15 matrices, on the first minute of the same drive; both trajectories are
-compared, so that the comparison is of like with like. `python -m benchmarks.filter_speed`.
+compared, so that the comparison is of like with like. `python -m benchmarks.filter_speed`, or
+with `--against PATH` the ratio to another checkout, in turn with it.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.against import least_in_turn
 from schuler.data import CHANNELS, ImuRecording
 from schuler.navigation.aiding.schedule import POSITION, AidingSchedule
 from schuler.navigation.aiding.vehicle import with_vehicle_states
@@ -38,6 +42,29 @@ MOST_STORED = {23: 1.2}
 MOST_SMOOTHER = {15: 2.0, 23: 2.0, 33: 2.0}
 LEVER = np.array([0.8, -0.4, -1.3])
 EARTH_RATE = 7.292115e-5
+# in turn with another checkout
+ROUNDS = 60
+COMPARED = (15, 23, 33)
+CODE = """
+import time
+import benchmarks.filter_speed as b
+# short, so that a run often passes undisturbed
+b.DURATION = 120.0
+imu, schedule, start = b.recordings()
+gate, kept = b.gate_thresholds(0.0), {}
+
+def answer(states):
+    model = b.sensor_model(states)
+    begin = b.started(start, model)
+    clock = [time.process_time()]
+    b.run_engine(imu, begin, model, schedule, gate=gate, keep_nodes=False)
+    clock.append(time.process_time())
+    run = b.run_engine(imu, begin, model, schedule, gate=gate)
+    clock.append(time.process_time())
+    b.smooth_run(run, model, imu.time)
+    clock.append(time.process_time())
+    return [(b - a) / imu.size * 1e6 for a, b in zip(clock, clock[1:])]
+"""
 
 
 def sensor_model(states: int) -> SensorErrorModel:
@@ -233,7 +260,32 @@ def run_twin(
     return path
 
 
+def compare(other: Path) -> int:
+    """Print microseconds a sample here, and their ratio to those of another checkout."""
+    print("CPU microseconds a sample, and over those of the other checkout")
+    worst = 0.0
+    found = least_in_turn(other, CODE, COMPARED, ROUNDS)
+    for states, (ours, theirs) in zip(COMPARED, found, strict=True):
+        ratios = [a / b for a, b in zip(ours, theirs, strict=True)]
+        worst = max(worst, *ratios)
+        words = zip(("filter", "stored", "smoother"), ours, ratios, strict=True)
+        print(
+            f"{states:4d} states: " + ", ".join(f"{w} {t:.3f} ({r:.2f})" for w, t, r in words),
+            flush=True,
+        )
+    print(f"largest ratio {worst:.2f}")
+    return 0
+
+
 def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", type=Path, help="another checkout, e.g. of a release")
+    other = parser.parse_args().against
+    return compare(other.resolve()) if other else judge()
+
+
+def judge() -> int:
+    """Print what a sample costs, and whether that is little enough."""
     imu, schedule, start = recordings()
     gate = gate_thresholds(0.0)
     cost: dict[int, list[float]] = {}

@@ -3,18 +3,21 @@
 A drive of 100 Hz with GNSS once a second that arrives 0.2 s late, fed sample by sample from Python:
 `add_imu` and `add_gnss`, each timed by itself, in CPU time of this thread. What else the machine
 does still empties the caches in between, so every figure is the least of three streams.
-`python -m benchmarks.streaming`.
+`python -m benchmarks.streaming`, or with `--against PATH` the ratio to another checkout, in turn.
 """
 
 from __future__ import annotations
 
+import argparse
 import gc
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.against import least_in_turn
 from benchmarks.filter_speed import LEVER, recordings, sensor_model, started
 from schuler.data import ImuRecording
 from schuler.navigation.aiding.schedule import AidingSchedule
@@ -28,6 +31,20 @@ WARM_UP = 500
 STREAMS = 3
 MOST_IMU = 20.0
 MOST_GNSS = 200.0
+# in turn with another checkout
+ROUNDS = 12
+COMPARED = (15, 33)
+CODE = """
+import numpy as np
+import benchmarks.filter_speed as f
+import benchmarks.streaming as b
+f.DURATION = 120.0
+imu, schedule, start = f.recordings()
+
+def answer(states):
+    by_imu, by_gnss, _ = b.stream(imu, schedule, start, states, None)
+    return [float(v) for times in (by_imu, by_gnss) for v in np.percentile(times, [50, 99])]
+"""
 
 
 def stream(
@@ -72,7 +89,27 @@ def stream(
     return np.array(by_imu[WARM_UP:]) / 1e3, np.array(by_gnss[skip:]) / 1e3, filter_
 
 
+def compare(other: Path) -> int:
+    """Print medians and 99th percentiles here, and their ratio to those of another checkout."""
+    print("microseconds of CPU a call, and over those of the other checkout")
+    names = ("add_imu median", "p99", "add_gnss median", "p99")
+    found = least_in_turn(other, CODE, COMPARED, ROUNDS)
+    for states, (ours, theirs) in zip(COMPARED, found, strict=True):
+        words = zip(names, ours, theirs, strict=True)
+        text = ", ".join(f"{word} {cost:.1f} ({cost / base:.2f})" for word, cost, base in words)
+        print(f"{states} states: {text}", flush=True)
+    return 0
+
+
 def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", type=Path, help="another checkout, e.g. of a release")
+    other = parser.parse_args().against
+    return compare(other.resolve()) if other else judge()
+
+
+def judge() -> int:
+    """Print what a call costs, and whether that is little enough."""
     imu, schedule, start = recordings()
     checks = []
     print("microseconds of CPU a call: median, 99th percentile, largest")

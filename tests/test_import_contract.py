@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import inspect
 import pydoc
 import subprocess
@@ -42,6 +43,26 @@ def all_imports() -> dict[str, set[str]]:
         for p in (ROOT / "src").rglob("*.py")
     }
     return {name: imports_of(path, name, set(sources)) for name, path in sources.items()}
+
+
+PLUGIN_ROOMS = ("schuler", "schuler.report", "schuler.cli", "schuler.execution")
+"""Where a package of its own, such as `schuler_papers`, may import from: names that are listed."""
+
+
+def library_imports(source: Path) -> list[tuple[str, str]]:
+    """Every (module, name) that a file imports from the library, under TYPE_CHECKING too."""
+    found: list[tuple[str, str]] = []
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            if node.module.partition(".")[0] == "schuler":
+                found += [(node.module, alias.name) for alias in node.names]
+        elif isinstance(node, ast.Import):
+            found += [
+                (alias.name, "")
+                for alias in node.names
+                if alias.name.partition(".")[0] == "schuler"
+            ]
+    return found
 
 
 def cycles(graph: dict[str, set[str]]) -> list[list[str]]:
@@ -87,6 +108,21 @@ def test_the_rooms_import_one_way() -> None:
 def test_no_two_files_import_each_other() -> None:
     assert cycles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == [["b", "c"]]
     assert cycles(all_imports()) == []
+
+
+def test_papers_use_public_names_alone() -> None:
+    """Names of `schuler.__all__`, and what reports, verbs and spread work list for plug-ins."""
+    listed = {room: set(importlib.import_module(room).__all__) for room in PLUGIN_ROOMS}
+    listed["schuler"] |= {""}  # `import schuler` itself
+    sources = sorted((ROOT / "src" / "schuler_papers").rglob("*.py"))
+    assert len(sources) > 20
+    private = [
+        f"{source.relative_to(ROOT)}: {module}.{name}"
+        for source in sources
+        for module, name in library_imports(source)
+        if name not in listed.get(module, set())
+    ]
+    assert private == []
 
 
 def test_folders_stay_small_enough_to_look_through() -> None:

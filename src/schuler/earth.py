@@ -149,7 +149,30 @@ def ned_from_ecef_rotation(latitude: ArrayLike, longitude: ArrayLike) -> FloatAr
 
 
 def ned_from_geodetic(position: ArrayLike, origin: ArrayLike) -> FloatArray:
-    """Return coordinates in the plane that touches the earth at an origin."""
+    """Return coordinates in the plane that touches the earth at an origin.
+
+    Parameters
+    ----------
+    position : (..., 3) array_like
+        Latitude rad, longitude rad, height m.
+    origin : (3,) array_like
+        The same of the origin.
+
+    Returns
+    -------
+    (..., 3) ndarray
+        North, east, down, m.
+
+    Notes
+    -----
+    Through earth-centred coordinates of WGS 84, exact at any distance.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.ned_from_geodetic([0.8, 0.1, 310.0], [0.8, 0.1, 300.0]).round(6) + 0.0
+    array([  0.,   0., -10.])
+    """
     o = _positions(origin, "origin")
     line = ecef_from_geodetic(position) - ecef_from_geodetic(o)
     rotation = ned_from_ecef_rotation(o[..., 0], o[..., 1])

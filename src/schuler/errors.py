@@ -55,7 +55,21 @@ class SchulerError(Exception):
 
 
 class InputError(SchulerError):
-    """A file or an array that cannot be what it claims to be."""
+    """A file or an array that cannot be what it claims to be.
+
+    Notes
+    -----
+    Says what was found, what was expected and the cure, on one line.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> try:
+    ...     schuler.read_imu("nothing.csv")
+    ... except schuler.InputError as error:
+    ...     print("nothing.csv" in str(error))
+    True
+    """
 
 
 class UnitError(SchulerError):
@@ -63,7 +77,17 @@ class UnitError(SchulerError):
 
 
 class ModelError(SchulerError):
-    """A stochastic process or noise model that cannot exist or does not fit its use."""
+    """A stochastic process or noise model that cannot exist or does not fit its use.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> try:
+    ...     schuler.GaussMarkov(1.0, -5.0)
+    ... except schuler.ModelError:
+    ...     print("refused")
+    refused
+    """
 
 
 class EstimationError(SchulerError):

@@ -48,7 +48,28 @@ def skew(vector: ArrayLike) -> FloatArray:
 
 
 def dcm_from_euler(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> FloatArray:
-    """Return C_nb of yaw-pitch-roll (Z-Y-X) Euler angles."""
+    """Return C_nb of yaw-pitch-roll (Z-Y-X) Euler angles.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float or (...) array_like
+        rad.
+
+    Returns
+    -------
+    (..., 3, 3) ndarray
+        Takes vectors of the body to north, east, down.
+
+    Notes
+    -----
+    Titterton and Weston, 2nd ed., equation (3.47).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> float(schuler.dcm_from_euler(0.0, 0.0, np.pi / 2).round(6)[1, 0])
+    1.0
+    """
     phi, theta, psi = np.broadcast_arrays(
         *(np.asarray(angle, dtype=np.float64) for angle in (roll, pitch, yaw))
     )
@@ -69,7 +90,28 @@ def dcm_from_euler(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> FloatAr
 
 
 def euler_from_dcm(c_nb: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the Euler angles of C_nb."""
+    """Return roll, pitch and yaw of C_nb.
+
+    Parameters
+    ----------
+    c_nb : (..., 3, 3) array_like
+        Takes vectors of the body to north, east, down.
+
+    Returns
+    -------
+    roll, pitch, yaw : (...) ndarray
+        rad, Z-Y-X.
+
+    Notes
+    -----
+    Titterton and Weston, 2nd ed., section 3.6.3.3.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> [abs(float(a)) for a in schuler.euler_from_dcm(np.eye(3))]
+    [0.0, 0.0, 0.0]
+    """
     c = _matrices(c_nb)
     cos_pitch = np.hypot(c[..., 2, 1], c[..., 2, 2])
     pitch = np.arctan2(-c[..., 2, 0], cos_pitch)
@@ -117,7 +159,33 @@ def rotation_vector_from_quaternion(quaternion: ArrayLike) -> FloatArray:
 
 
 def dcm_from_rotation_vector(rotation_vector: ArrayLike) -> FloatArray:
-    """Return the matrix exp([p x]) of a rotation vector p."""
+    """Return the matrix exp([p x]) of a rotation vector p.
+
+    Parameters
+    ----------
+    rotation_vector : (..., 3) array_like
+        Axis times angle, rad.
+
+    Returns
+    -------
+    (..., 3, 3) ndarray
+        The rotation.
+
+    Raises
+    ------
+    InputError
+        Not three components.
+
+    Notes
+    -----
+    Rodrigues; Titterton and Weston, 2nd ed., equation (11.10).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> float(schuler.dcm_from_rotation_vector([0.0, 0.0, np.pi / 2]).round(6)[1, 0])
+    1.0
+    """
     p = _vectors(rotation_vector, "rotation vector")
     angle = np.linalg.norm(p, axis=-1)[..., None, None]
     cross = skew(p)
@@ -127,7 +195,28 @@ def dcm_from_rotation_vector(rotation_vector: ArrayLike) -> FloatArray:
 
 
 def rotation_vector_from_dcm(c_nb: ArrayLike) -> FloatArray:
-    """Return the shortest rotation vector of a rotation matrix."""
+    """Return the shortest rotation vector of a rotation matrix.
+
+    Parameters
+    ----------
+    c_nb : (..., 3, 3) array_like
+        Orthonormal, determinant one.
+
+    Returns
+    -------
+    (..., 3) ndarray
+        Axis times angle, rad; its length is at most pi.
+
+    Notes
+    -----
+    Through the quaternion, which is safe near half a turn.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> float(np.abs(schuler.rotation_vector_from_dcm(np.eye(3))).max())
+    0.0
+    """
     return rotation_vector_from_quaternion(quaternion_from_dcm(c_nb))
 
 
@@ -143,7 +232,37 @@ def orthonormalize(matrix: ArrayLike) -> FloatArray:
 
 
 def wahba(a: ArrayLike, b: ArrayLike, weights: ArrayLike | None = None) -> FloatArray:
-    """Return the rotation that takes the vectors b onto the vectors a."""
+    """Return the rotation that takes the vectors b onto the vectors a.
+
+    Parameters
+    ----------
+    a, b : (n, 3) array_like
+        The same vectors in two frames.
+    weights : (n,) array_like, optional
+        Of the pairs; equal if not given.
+
+    Returns
+    -------
+    (3, 3) ndarray
+        Minimises the sum of weights |a - R b|².
+
+    Raises
+    ------
+    InputError
+        Shapes that differ.
+
+    Notes
+    -----
+    Wahba 1965, by singular values (Markley 1988).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> b = np.eye(3)
+    >>> turn = schuler.dcm_from_euler(0.1, 0.2, 0.3)
+    >>> bool(np.allclose(schuler.wahba(b @ turn.T, b), turn))
+    True
+    """
     first, second = _vectors(a, "first vectors"), _vectors(b, "second vectors")
     w = np.ones(first.shape[0]) if weights is None else np.asarray(weights, dtype=np.float64)
     if first.ndim != 2 or first.shape != second.shape or w.shape != (first.shape[0],):

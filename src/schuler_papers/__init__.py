@@ -2,51 +2,57 @@
 
 How a paper is written down
 ---------------------------
-One module (or package) a paper, named as in `registry.PAPERS`, with a tuple ``EXPERIMENTS``. An
-`Experiment` is one unit of work, ``run(seed, size) -> Numbers``, that is repeated with other seeds
-and whose results serve one or more `Item` s: a table, figure, equation or erratum of the paper.
-Each item has a function ``judge(results, size) -> Outcome`` that sets what came out beside what is
-printed::
+A package a paper, named as in `registry.PAPERS`. What is printed is data: ``paper.yaml`` lists the
+experiments, each with the tables, figures, equations and slips that its results serve, and for each
+of these the rows and tables: printed values, units, bands. What is run is Python: the function
+``run(seed, size) -> Numbers`` of an experiment, and the judge ``(results, size) -> Found`` of an
+item, which names what came out::
 
-    def _noise(seed: int, size: Size) -> Numbers:
+    - name: noise                       # paper.yaml
+      title: Four IMUs at rest
+      run: sensors.run_noise
+      times: [3, 40]                    # seeds of the quick and of the full size
+      items:
+        - label: Fig. 5
+          title: Noise of one and of four
+          claim: four sensors halve the noise
+          judge: sensors.figure_5       # left out: what the runs returned, as it is
+          rows:
+            - {is: reduction, of: noise reduction, printed: 0.486, band: [0.46, 0.50]}
+
+    def run_noise(seed: int, size: Size) -> Numbers:      # sensors.py
         rng = generator(seed, "waegli2010", "noise")
-        n = 6_000 if size == "quick" else 60_000
-        ...                                      # only verbs of the public library
-        return numbers(single=0.0201, synthetic=0.0103, curve=array)
+        ...                             # only names of `schuler` itself
+        return numbers(single=0.0201, synthetic=0.0103)
 
-    def _figure_5(results: Results, size: Size) -> Outcome:
-        ratio = estimate(1.0 - stacked(results, "synthetic") / stacked(results, "single"))
-        row = Row(
-            "noise reduction of the synthetic IMU", ratio, printed=0.486,
-            band=Band(0.46, 0.50, "spec"), verdict="reproduced",
-        )
-        return Outcome((row,), panels=(Panel(...),), notes=("one sentence of what it teaches",))
+    def figure_5(results: Results, size: Size) -> Found:
+        ratio = 1.0 - stacked(results, "synthetic") / stacked(results, "single")
+        return Found({"reduction": ratio}, panels=(Panel(...),))
 
-    EXPERIMENTS = (
-        Experiment(
-            "waegli2010", "noise", "Four IMUs at rest", _noise,
-            items=(Item("Fig. 5", "Noise of one and of four", "four sensors halve it", _figure_5),),
-            repetitions=Repetitions(quick=3, full=40),
-        ),
-    )
+What a row may say
+------------------
+``is`` (the name of the value; ``at`` picks from an array), ``of`` (the quantity in words),
+``printed`` (a number, or words), ``derived`` (arithmetic of printed numbers), ``unit``; where ours
+has to lie: ``band: [low, high]``, ``near: [value, slack]``, or from the printed number ``within``
+(relative) or ``around`` (absolute), else a band of that name that the judge computed; who says so:
+``from`` spec, theory or frozen, with a ``note``; ``errors`` (standard errors that widen the band);
+``error`` (standard deviation of the printed number); ``kind`` arithmetic or setting; ``against``
+(the band contradicts the words); ``proof`` (one that the judge ran); ``because``, ``slip``;
+``quick`` and ``full`` (what differs by size), ``only`` (one size); ``for`` and ``each`` (many rows
+at once). A table has ``lines``, ``columns`` and ``printed`` cell by cell as well.
 
 Rules
 -----
+* Nobody writes a verdict: it follows from printed, ours, its standard error, band and proof
+  (`outcome.Row.verdict`). "Wrong in the paper" needs a proof that ran and held.
 * Functions stand at the top of a module: they are looked up by name in other processes.
-* `Numbers` are plain float64 arrays by name (a scalar is an array without axes), small enough to
-  keep (below 1 MB): curves are thinned before they are returned. They are stored as npz and judged
-  later, perhaps by another command, so a judge reads nothing else.
+* `Numbers` are plain float64 arrays by name, small enough to keep (below 1 MB). They are stored as
+  npz and judged later, perhaps by another command, so a judge reads nothing else.
 * The generator comes from `generator(seed, paper, experiment)`; nothing else is random, so that
   numbers do not depend on how the work is spread.
-* Values stand in the unit in which the paper prints them; `Row.unit` says which.
-* A `Band` says where a value has to lie and who says so: "spec", "theory", or "frozen" (after the
-  first full run; the note then gives the value that was measured). A row outside its band fails
-  the run. Deterministic arithmetic (errata) has one repetition and no standard error.
-* The verdict is about the paper: "reproduced", "reproduced in kind" (the effect, not the number),
-  "cannot be expected" (`reason` says why), "wrong in the paper" (`reason` is the proof, `erratum`
-  its label), or "beyond the paper" for what the library does better, with errors.
-* An experiment with ``recordings=("adis16405-static",)`` needs these folders of measured data; its
-  function is called as ``run(seed, size, folder)``; without the data it is left out, and said so.
+* Values stand in the unit in which the paper prints them.
+* An experiment with ``recordings`` needs these folders of measured data; its function is called as
+  ``run(seed, size, folder)``; without the data it is left out, and said so.
 """
 
 from schuler_papers.experiment import (
@@ -61,25 +67,39 @@ from schuler_papers.experiment import (
     numbers,
     stacked,
 )
-from schuler_papers.outcome import Band, Curve, Estimate, Outcome, Panel, Row, Verdict
+from schuler_papers.judging import Found
+from schuler_papers.outcome import (
+    VERDICTS,
+    Band,
+    Curve,
+    Estimate,
+    Outcome,
+    Panel,
+    Proof,
+    Row,
+    Sheet,
+)
 from schuler_papers.registry import PAPERS, Paper, experiments_of
 
 __all__ = [
     "PAPERS",
+    "VERDICTS",
     "Band",
     "Curve",
     "Estimate",
     "Experiment",
+    "Found",
     "Item",
     "Numbers",
     "Outcome",
     "Panel",
     "Paper",
+    "Proof",
     "Repetitions",
     "Results",
     "Row",
+    "Sheet",
     "Size",
-    "Verdict",
     "estimate",
     "experiments_of",
     "generator",

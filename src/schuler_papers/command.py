@@ -6,12 +6,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schuler.errors import InputError
+from schuler import InputError
 
 if TYPE_CHECKING:
-    from schuler.cli.console import Screen
-    from schuler.cli.outputs import Outputs
-    from schuler_papers.reproduction import Reproduction
+    from schuler.cli import Outputs, Screen
+    from schuler_papers.reproduction import ItemResult, Reproduction
 
 
 def reproduce(
@@ -30,9 +29,10 @@ def reproduce(
 ) -> int:
     """Do the experiments of the four papers again on twins with known truth.
 
-    Each value stands beside what is printed, with the band in which it has to lie and a verdict:
-    reproduced, reproduced in kind, cannot be expected, or wrong in the paper. Exit code 1 when
-    one lies outside its band.
+    Each value stands beside what is printed, with the band in which it has to lie. The verdict
+    follows from these numbers: reproduced, reproduced in kind, not met, wrong in the paper (with
+    a proof that ran), beyond the paper, or just shown. Exit code 1 when a value lies outside its
+    band.
 
     Parameters
     ----------
@@ -63,12 +63,10 @@ def reproduce(
         Write all values here; - for standard output.
     """
     if "numpy" not in sys.modules:
-        from schuler.execution.executors import one_thread
+        from schuler.execution import one_thread
 
         one_thread()
-    from schuler.cli.console import Screen, say
-    from schuler.cli.loading import say_when_compiling
-    from schuler.cli.outputs import STDOUT, Outputs
+    from schuler.cli import STDOUT, Outputs, Screen, say, say_when_compiling
     from schuler_papers.reproduction import judge_kept
     from schuler_papers.reproduction import reproduce as run
 
@@ -83,7 +81,7 @@ def reproduce(
         if against is not None:
             return _compare(found, judge_kept(against, paper, item=item), screen, outputs, json)
     else:
-        from schuler.execution.progress import progress
+        from schuler.execution import progress
 
         say_when_compiling()
         with progress("Reproducing") as shown:
@@ -113,10 +111,10 @@ def reproduce(
 
 
 def _write(found: Reproduction, outputs: Outputs, report: Path | None, json: Path | None) -> None:
-    from schuler.cli.outputs import json_text
+    from schuler.cli import json_text
 
     if report is not None:
-        from schuler.cli.provenance import command_provenance
+        from schuler.cli import command_provenance
         from schuler.report import render_report
 
         names = list(dict.fromkeys(r.paper.authors for r in found.items))
@@ -132,16 +130,8 @@ def show_reproduction(
     screen: Screen, found: Reproduction, written: tuple[Path, ...] = (), *, detailed: bool = False
 ) -> None:
     """Print verdicts, one line an item, or all values of a few."""
-    from schuler.report.numbers import duration
+    from schuler.report import duration
     from schuler_papers.registry import PAPERS
-    from schuler_papers.report_section import (
-        band_text,
-        own_text,
-        printed_text,
-        slips_of,
-        verdict_of,
-        verdict_of_item,
-    )
 
     for paper in PAPERS.values():
         items = [r for r in found.items if r.paper.name == paper.name]
@@ -149,39 +139,53 @@ def show_reproduction(
             continue
         cost = sum(e.cpu_seconds for (name, _), e in found.efforts.items() if name == paper.name)
         screen.heading(f"{paper.authors} ({paper.label})", f"{found.size}, {duration(cost)} of CPU")
-        if not detailed:
-            rows = [
-                (
-                    r.item.label,
-                    r.item.title,
-                    verdict_of_item(r.outcome),
-                    slips_of(r.outcome),
-                    f"{sum(row.holds for row in r.outcome.rows)} of {len(r.outcome.rows)}",
-                )
-                for r in items
-            ]
-            screen.table(("item", "about", "verdict", "slips", "in band"), rows, words=4)
-            continue
-        for r in items:
-            screen.line(f"{r.item.label}: {r.item.title}", "bold")
-            screen.line(f"The paper: {r.item.claim}", "dim")
-            each = [
-                (
-                    row.quantity,
-                    verdict_of(row),
-                    printed_text(row),
-                    own_text(row),
-                    band_text(row.band),
-                )
-                for row in r.outcome.rows
-            ]
-            screen.table(("quantity", "verdict", "printed", "ours", "has to lie"), each, words=2)
-            for note in r.outcome.notes:
-                screen.finding("info", note)
+        if detailed:
+            _show_values(screen, items)
+        else:
+            _show_items(screen, items)
     for text in found.left_out:
         screen.finding("info", f"left out: {text}")
     for path in written:
         screen.line(f"wrote {path}", "dim")
+
+
+def _show_items(screen: Screen, items: list[ItemResult]) -> None:
+    """One line an item: what its values came to, by kind and verdict."""
+    from schuler_papers.wording import counts_of, slips_of, verdict_of_item
+
+    rows = []
+    for r in items:
+        counts = counts_of([r])
+        rows.append(
+            (
+                r.item.label,
+                r.item.title,
+                verdict_of_item(r.outcome),
+                slips_of(r.outcome),
+                f"{counts.met} of {counts.printed}" if counts.printed else "",
+                f"{counts.inside} of {counts.banded}" if counts.banded else "",
+                str(counts.shown) if counts.shown else "",
+            )
+        )
+    columns = ("item", "about", "verdict", "slips", "printed met", "in band", "shown")
+    screen.table(columns, rows, words=4)
+    screen.line(counts_of(items).sentence, "dim")
+
+
+def _show_values(screen: Screen, items: list[ItemResult]) -> None:
+    """All values of a few items."""
+    from schuler_papers.wording import band_text, own_text, printed_text
+
+    for r in items:
+        screen.line(f"{r.item.label}: {r.item.title}", "bold")
+        screen.line(f"The paper: {r.item.claim}", "dim")
+        each = [
+            (row.quantity, row.verdict, printed_text(row), own_text(row), band_text(row.band))
+            for row in r.outcome.rows
+        ]
+        screen.table(("quantity", "verdict", "printed", "ours", "has to lie"), each, words=2)
+        for note in r.outcome.notes:
+            screen.finding("info", note)
 
 
 def _compare(
@@ -191,11 +195,10 @@ def _compare(
     outputs: Outputs,
     json: Path | None,
 ) -> int:
-    from schuler.cli.console import say
-    from schuler.cli.outputs import json_text
-    from schuler.report.numbers import number
+    from schuler.cli import json_text, say
+    from schuler.report import number
     from schuler_papers.comparison import compare_runs
-    from schuler_papers.report_section import own_text
+    from schuler_papers.wording import own_text
 
     differences = compare_runs(first, second)
     outputs.text(json, lambda: json_text([d.to_dict() for d in differences]))

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from schuler.errors import InputError
+from schuler import InputError
 from schuler_papers.outcome import Row
 from schuler_papers.reproduction import Reproduction
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from schuler.errors import ModelError
-from schuler.types import FloatArray
+from schuler import ModelError
 from schuler_papers.outcome import Estimate, Outcome
+
+FloatArray = NDArray[np.float64]
 
 Size = Literal["quick", "full"]
 Numbers = dict[str, FloatArray]

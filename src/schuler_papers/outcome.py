@@ -1,26 +1,35 @@
-"""What an experiment came to: rows of printed and own values, and what is drawn again."""
+"""What an experiment came to, and the verdicts, which follow from numbers alone."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.errors import ModelError
+from schuler import ModelError
 
-Verdict = Literal[
-    "reproduced",
-    "reproduced in kind",
-    "cannot be expected",
-    "wrong in the paper",
-    "beyond the paper",
-]
 Source = Literal["spec", "theory", "frozen"]
+Kind = Literal["printed", "shown", "arithmetic", "setting"]
 Mark = Literal["line", "dash", "points", "band"]
 Role = Literal["printed", "ours", "theory", "paper", "better", "data", "x", "y", "z", "other"]
+VERDICTS = {
+    "reproduced": "the printed number lies in a band narrower than a quarter, or in its own error",
+    "reproduced in kind": "it lies in a wider band, or the statement in words holds",
+    "not met": "it lies outside; the twin may differ from what the authors had",
+    "wrong in the paper": "it lies outside, and a proof that ran says that it cannot be right",
+    "beyond the paper": "nothing is printed; ours lies where theory or a forecast says",
+    "shown": "there is no band, so no verdict",
+    "setting": "an input of the experiment, or solved from printed values",
+    "outside its band": "ours does not lie where it has to: the check failed",
+}
+"""All verdicts with what they mean."""
+NARROW = 0.25
+"""Widest band, relative to its middle, in which a printed number counts as reproduced."""
+OWN_ERRORS = 2.0
+"""Standard deviations of the printed number that are allowed for."""
 
 
 class Estimate(NamedTuple):
@@ -47,8 +56,7 @@ class Band:
     low, high : float
         Ends of the band; infinite where there is none.
     source : {"spec", "theory", "frozen"}
-        The specification of the project, a proof, or a forecast that was frozen after the first
-        full run.
+        The specification of the project, a proof, or a forecast that was frozen at given seeds.
     note : str
         Which law, or the value that was measured when the band was frozen.
     standard_errors : float
@@ -57,7 +65,7 @@ class Band:
 
     low: float
     high: float
-    source: Source
+    source: Source = "spec"
     note: str = ""
     standard_errors: float = 0.0
 
@@ -67,16 +75,65 @@ class Band:
         if self.source == "frozen" and not self.note:
             raise ModelError("a frozen band without a note", expected="the value that was measured")
 
-    def holds(self, value: Estimate) -> bool:
+    def holds(self, value: Estimate, slack: float = 0.0) -> bool:
         """Tell whether a value lies in the band."""
         error = value.standard_error if math.isfinite(value.standard_error) else 0.0
-        slack = self.standard_errors * error
+        slack += self.standard_errors * error
         return self.low - slack <= value.value <= self.high + slack
+
+    @property
+    def width(self) -> float:
+        """Relative to the middle; infinite around zero."""
+        middle = 0.5 * abs(self.low + self.high)
+        span = self.high - self.low
+        if span == 0.0:
+            return 0.0
+        return span / middle if math.isfinite(span) and middle > 0.0 else math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """Why a printed number or statement cannot be right: something that was run.
+
+    Parameters
+    ----------
+    statement : str
+        One sentence.
+    value : Estimate or float
+        What was computed.
+    low, high : float
+        The proof holds if the value lies between them.
+    method : {"identity", "bound", "counter-experiment"}
+        Of which kind it is; a counter-experiment has the paper's own conditions.
+    """
+
+    statement: str
+    value: Estimate | float
+    low: float
+    high: float
+    method: Literal["identity", "bound", "counter-experiment"] = "identity"
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value lies where the proof needs it."""
+        value = self.value.value if isinstance(self.value, Estimate) else float(self.value)
+        return self.low <= value <= self.high
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the proof as plain values."""
+        value = self.value.value if isinstance(self.value, Estimate) else float(self.value)
+        return {
+            "statement": self.statement,
+            "method": self.method,
+            "value": value,
+            "range": [self.low, self.high],
+            "holds": self.holds,
+        }
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One quantity: what is printed, what came out, and what to think of it.
+    """One quantity: what is printed, what came out, and where it has to lie.
 
     Parameters
     ----------
@@ -85,15 +142,23 @@ class Row:
     ours : Estimate, float or str
         What came out; words where it is not a number.
     printed : float, str or None
-        What the paper says, in the same unit; None where it gives no number.
-    verdict : Verdict
-        About the paper.
+        What the paper says, in the same unit; None where it says nothing.
     unit : str
         Of all values of the row.
     band : Band or None
         Where ours has to lie.
+    printed_error : float
+        Standard deviation of the printed number: its own as printed, or the scatter of one draw.
+    role : {"", "arithmetic", "setting"}
+        Computed from printed numbers alone; an input. Else the kind follows from the numbers.
+    derived : bool
+        The printed number is computed from printed ones, or implied by the text.
+    against : bool
+        The band contradicts what is said in words.
+    proof : Proof or None
+        Why the paper cannot be right.
     reason : str
-        Why it cannot be expected, or the proof that the paper is wrong; else a remark.
+        A remark, or what would explain a difference.
     erratum : str
         Label of the slip, such as "E-000-5".
     """
@@ -101,15 +166,17 @@ class Row:
     quantity: str
     ours: Estimate | float | str
     printed: float | str | None = None
-    verdict: Verdict = "reproduced"
     unit: str = ""
     band: Band | None = None
+    printed_error: float = math.nan
+    role: Literal["", "arithmetic", "setting"] = ""
+    derived: bool = False
+    against: bool = False
+    proof: Proof | None = None
     reason: str = ""
     erratum: str = ""
 
     def __post_init__(self) -> None:
-        if self.verdict in ("cannot be expected", "wrong in the paper") and not self.reason:
-            raise ModelError(f"'{self.quantity}' is '{self.verdict}' without a reason")
         if self.band is not None and isinstance(self.ours, str):
             raise ModelError(f"'{self.quantity}' has a band but no number")
 
@@ -125,14 +192,69 @@ class Row:
         """Whether ours lies in its band (or has none)."""
         return self.band is None or self.band.holds(self.estimate)
 
+    @property
+    def kind(self) -> Kind:
+        """What the row can tell."""
+        if self.role:
+            return self.role
+        number = self.printed is not None and not isinstance(self.printed, str)
+        return "printed" if number and self.compared is not None else "shown"
+
+    @property
+    def compared(self) -> Band | None:
+        """What the printed number is compared with: the band, or ours within the errors of both."""
+        if math.isfinite(self.printed_error):
+            value, error = self.estimate
+            slack = OWN_ERRORS * math.hypot(
+                self.printed_error, error if math.isfinite(error) else 0.0
+            )
+            return Band(value - slack, value + slack, "theory", "errors of both")
+        return self.band
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the printed number lies where it is compared, rounding allowed for."""
+        if self.compared is None or self.printed is None or isinstance(self.printed, str):
+            return False
+        own = Estimate(float(self.printed), self.estimate.standard_error)
+        return self.compared.holds(own, rounding(self.printed))
+
+    @property
+    def narrow(self) -> bool:
+        """Whether the comparison is narrower than a quarter."""
+        return self.compared is not None and self.compared.width <= NARROW + 1e-9
+
+    @property
+    def verdict(self) -> str:
+        """What follows about the paper."""
+        if not self.holds:
+            return "outside its band"
+        if self.role == "setting":
+            return "setting"
+        if self.compared is None:
+            return "shown"
+        proven = self.proof is not None and self.proof.holds
+        if isinstance(self.printed, str):
+            if not self.against:
+                return "reproduced in kind"
+            return "wrong in the paper" if proven else "not met"
+        if self.printed is None:
+            return "beyond the paper"
+        if self.agrees:
+            return "reproduced" if self.narrow else "reproduced in kind"
+        return "wrong in the paper" if proven or self.role == "arithmetic" else "not met"
+
     def to_dict(self) -> dict[str, Any]:
         """Return the row as plain values."""
         value, error = self.estimate
         band = self.band
         return {
             "quantity": self.quantity,
+            "kind": self.kind,
             "verdict": self.verdict,
             "printed": self.printed,
+            "derived": self.derived,
+            "printed_error": self.printed_error if math.isfinite(self.printed_error) else None,
             "ours": self.ours if isinstance(self.ours, str) else value,
             "standard_error": error if math.isfinite(error) else None,
             "unit": self.unit,
@@ -140,9 +262,21 @@ class Row:
             "band_source": None if band is None else band.source,
             "band_note": "" if band is None else band.note,
             "holds": self.holds,
+            "narrow": self.kind == "printed" and self.narrow,
+            "proof": None if self.proof is None else self.proof.to_dict(),
             "reason": self.reason,
             "erratum": self.erratum,
         }
+
+
+def rounding(printed: float) -> float:
+    """Half a unit of the last digit of a number as it is printed."""
+    text = repr(printed).lower()
+    mantissa, _, power = text.partition("e")
+    if mantissa.endswith(".0"):
+        mantissa = mantissa[:-2]
+    digits = len(mantissa.partition(".")[2])
+    return 0.5 * 10.0 ** (int(power or 0) - digits)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,22 +350,56 @@ class Panel:
 
 
 @dataclass(frozen=True, slots=True)
+class Sheet:
+    """A table in the layout of the paper, every cell printed and ours.
+
+    Parameters
+    ----------
+    title : str
+        As the paper has it.
+    corner : str
+        Above the names of the lines.
+    columns : tuple of str
+        Heads of the columns, units included.
+    lines : tuple of str
+        Names of the lines.
+    cells : tuple of tuple of Row or None
+        One for each line and column; None where the paper has nothing.
+    """
+
+    title: str
+    corner: str
+    columns: tuple[str, ...]
+    lines: tuple[str, ...]
+    cells: tuple[tuple[Row | None, ...], ...]
+
+    def __post_init__(self) -> None:
+        if len(self.cells) != len(self.lines) or any(
+            len(c) != len(self.columns) for c in self.cells
+        ):
+            raise ModelError(f"table '{self.title}' has cells of another shape than its heads")
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """All that is said about one table, figure, equation or erratum.
 
     Parameters
     ----------
     rows : tuple of Row
-        At least one.
+        At least one; those of the sheets are among them.
     panels : tuple of Panel
         What is drawn again.
     notes : tuple of str
         What the reader should take away, a sentence or two each.
+    sheets : tuple of Sheet
+        Tables in the layout of the paper.
     """
 
     rows: tuple[Row, ...]
     panels: tuple[Panel, ...] = ()
     notes: tuple[str, ...] = ()
+    sheets: tuple[Sheet, ...] = field(default=())
 
     @property
     def holds(self) -> bool:

@@ -7,7 +7,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from schuler.errors import InputError
+from schuler import InputError
 
 if TYPE_CHECKING:
     from schuler_papers.experiment import Experiment

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from typing import Any, Literal
 
 import numpy as np
 
-from schuler.report.blocks import (
+from schuler.report import (
+    MISSING,
     Block,
     Chip,
     Chips,
+    Dash,
     Facts,
     Figure,
     FigureGrid,
@@ -24,25 +25,41 @@ from schuler.report.blocks import (
     Section,
     Table,
     Tone,
+    anchor,
+    axis,
+    band,
+    duration,
+    limits,
+    line,
+    marks,
+    register,
 )
-from schuler.report.figures import Dash, axis, band, limits, line, marks
-from schuler.report.numbers import MISSING, duration, with_error
-from schuler.report.page import anchor
-from schuler.report.sections.registry import register
-from schuler.types import FloatArray
-from schuler_papers.outcome import Band, Curve, Outcome, Panel, Row
+from schuler_papers.experiment import FloatArray
+from schuler_papers.outcome import VERDICTS, Curve, Panel, Row
 from schuler_papers.registry import PAPERS, Paper
 from schuler_papers.reproduction import ItemResult, Reproduction
+from schuler_papers.wording import (
+    SIGNS,
+    band_text,
+    counts_of,
+    detail_text,
+    own_text,
+    printed_text,
+    sheet_lines,
+    source_text,
+    verdict_of_item,
+)
 
 TONES: dict[str, Tone] = {
     "outside its band": "failed",
     "wrong in the paper": "wrong",
-    "cannot be expected": "cannot",
+    "not met": "cannot",
     "reproduced in kind": "kind",
     "reproduced": "good",
     "beyond the paper": "beyond",
+    "shown": "plain",
+    "setting": "plain",
 }
-"""Verdicts, the gravest first."""
 _COLOURS = {
     "printed": "@mark",
     "ours": "@data",
@@ -62,8 +79,6 @@ _LEGEND_MARKS: dict[str, _LegendMark] = {
     "points": "point",
     "band": "band",
 }
-_SOURCES = {"spec": "specification", "theory": "theory", "frozen": "first full run"}
-_SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
 @register
@@ -74,88 +89,16 @@ def reproduction_sections(result: Reproduction) -> tuple[Section, ...]:
     return (*sections, *(_paper(result, paper) for paper in papers))
 
 
-def verdict_of(row: Row) -> str:
-    """Return the verdict of a row, or that it lies outside its band."""
-    return row.verdict if row.holds else "outside its band"
-
-
-def verdict_of_item(outcome: Outcome) -> str:
-    """Return the verdict of the main claim, which stands first, unless a value is off."""
-    if not outcome.holds:
-        return "outside its band"
-    claims = [row.verdict for row in outcome.rows if row.verdict != "beyond the paper"]
-    return claims[0] if claims else "beyond the paper"
-
-
-def slips_of(outcome: Outcome) -> str:
-    """Return the labels of the slips that the rows of an item prove."""
-    return ", ".join(sorted({row.erratum for row in outcome.rows if row.erratum}))
-
-
-def printed_text(row: Row) -> str:
-    """Return the printed value as a person would write it."""
-    if row.printed is None:
-        return MISSING
-    if isinstance(row.printed, str):
-        return row.printed
-    return _with_unit(_short(row.printed), row.unit)
-
-
-def _short(value: float, digits: int = 4) -> str:
-    """A number without needless zeros, as papers print it."""
-    mantissa, _, power = f"{value:.{digits}g}".partition("e")
-    text = mantissa if not power else f"{mantissa}·10{str(int(power)).translate(_SUPERSCRIPT)}"
-    return text.replace("-", "−")
-
-
-def own_text(row: Row) -> str:
-    """Return what came out, with its standard error and unit."""
-    if isinstance(row.ours, str):
-        return row.ours
-    value, error = row.estimate
-    if not error > 1e-6 * abs(value):  # nothing is random, or the same in every repetition
-        return _with_unit(_short(value), row.unit)
-    return _with_unit(with_error(value, error), row.unit)
-
-
-def band_text(limits_: Band | None) -> str:
-    """Return a band in words."""
-    if limits_ is None:
-        return MISSING
-    low, high = limits_.low, limits_.high
-    if low == high:
-        return f"exactly {_short(low)}"
-    if math.isinf(high):
-        return f"above {_short(low)}" if low > 5e-324 else "above 0"
-    if math.isinf(low):
-        return f"below {_short(high)}"
-    if _short(low) == _short(high):
-        return f"{_short(0.5 * (low + high))} ± {_short(0.5 * (high - low), 1)}"
-    return f"{_short(low)} to {_short(high)}"
-
-
-def _with_unit(text: str, unit: str) -> str:
-    return f"{text} {unit}" if unit else text
-
-
 def _judged(row: Row) -> Judged:
-    verdict = verdict_of(row)
-    detail = f"{row.reason} ({row.erratum})" if row.erratum and row.reason else row.reason
-    source = ""
-    if row.band is not None:
-        source = _SOURCES[row.band.source]
-        source += f": {row.band.note}" if row.band.note else ""
-        if row.band.standard_errors:
-            source += f", ± {row.band.standard_errors:g} standard errors"
     return Judged(
         row.quantity,
         printed_text(row),
         own_text(row),
         band_text(row.band),
-        verdict,
-        TONES[verdict],
-        detail or row.erratum,
-        source,
+        row.verdict,
+        TONES[row.verdict],
+        detail_text(row),
+        source_text(row),
     )
 
 
@@ -163,53 +106,54 @@ def _anchor(result: ItemResult) -> str:
     return f"{result.paper.name}-{anchor(result.item.label)}"
 
 
-def _chips(items: list[ItemResult], legend: bool) -> Chips:
+def _chips(items: list[ItemResult]) -> Chips:
     chips = []
     for result in items:
         verdict = verdict_of_item(result.outcome)
         chips.append(Chip(result.item.label, _anchor(result), TONES[verdict], verdict))
-    used = {chip.tone for chip in chips}
-    words = tuple((tone, verdict) for verdict, tone in TONES.items() if tone in used)
-    return Chips(tuple(chips), words if legend else ())
-
-
-def _counts(items: list[ItemResult]) -> Counter[str]:
-    return Counter(verdict_of(row) for result in items for row in result.outcome.rows)
+    used = {chip.verdict for chip in chips}
+    return Chips(tuple(chips), tuple((TONES[v], v) for v in TONES if v in used))
 
 
 def _overview(result: Reproduction, papers: list[Paper]) -> Section:
-    everything = _counts(list(result.items))
-    by_paper = [_counts([r for r in result.items if r.paper.name == p.name]) for p in papers]
-    rows = [
-        (verdict, *(str(c[verdict]) if c[verdict] else MISSING for c in by_paper))
-        for verdict in reversed(TONES)
-        if everything[verdict]
+    everything = counts_of(result.items)
+    by_paper = [counts_of([r for r in result.items if r.paper.name == p.name]) for p in papers]
+    rows: list[tuple[str, ...]] = [
+        (verdict, meaning, *(str(c.verdicts[verdict] or MISSING) for c in by_paper))
+        for verdict, meaning in VERDICTS.items()
+        if everything.verdicts[verdict]
     ]
+    counted = (
+        ("values with a band, inside it", [f"{c.inside} of {c.banded}" for c in by_paper]),
+        ("printed numbers compared, met", [f"{c.met} of {c.printed}" for c in by_paper]),
+        ("of these compared within a quarter", [str(c.narrow) for c in by_paper]),
+        ("arithmetic on printed numbers", [str(c.kinds["arithmetic"]) for c in by_paper]),
+    )
+    rows += [(name, "", *cells) for name, cells in counted]
     costs = [
         sum(e.cpu_seconds for (name, _), e in result.efforts.items() if name == paper.name)
         for paper in papers
     ]
-    rows.append(("CPU time", *map(duration, costs)))
-    total, failed = sum(everything.values()), everything["outside its band"]
+    rows.append(("CPU time", "", *map(duration, costs)))
     blocks: list[Block] = [
         Prose(
             "Each experiment of the papers is built out of this library and run on simulated data "
             "with known truth, because the recordings of the papers are private. What came out "
-            "stands beside what is printed, with the band in which it has to lie."
+            "stands beside what is printed. Verdicts are computed from both, the standard error "
+            "and a band whose origin is named; nobody writes them."
         ),
         Table(
-            f"{total} values, by verdict",
-            ("", *(f"{paper.name} ({paper.label})" for paper in papers)),
+            f"{everything.values} values, by verdict",
+            ("", "meaning", *(f"{paper.name} ({paper.label})" for paper in papers)),
             tuple(rows),
+            words=(0, 1),
         ),
     ]
     if result.left_out:
         blocks.append(
             Findings(tuple(Finding("info", f"Left out: {text}") for text in result.left_out))
         )
-    sentence = f"{total} values of {len(papers)} papers were computed again; "
-    sentence += f"{failed} lie outside their bands." if failed else "all lie in their bands."
-    return Section("Overview", tuple(blocks), (sentence,))
+    return Section("Overview", tuple(blocks), (everything.sentence,))
 
 
 def _paper(result: Reproduction, paper: Paper) -> Section:
@@ -227,25 +171,36 @@ def _paper(result: Reproduction, paper: Paper) -> Section:
                 ("CPU time", duration(cost)),
             )
         ),
-        _chips(items, legend=True),
+        _chips(items),
     ]
     for r in items:
-        o = r.outcome
-        blocks.append(
-            Judgement(
-                r.item.label,
-                r.item.title,
-                r.item.claim,
-                _anchor(r),
-                tuple(_judged(row) for row in o.rows),
-                o.notes,
-            )
+        blocks += _item(r)
+    said = counts_of(items).sentence
+    return Section(f"{paper.authors}, {paper.label}", tuple(blocks), (f"{paper.authors}: {said}",))
+
+
+def _item(result: ItemResult) -> list[Block]:
+    """One item: rows that stand in no table of the paper, the tables, the figures."""
+    outcome = result.outcome
+    inside = {id(cell) for s in outcome.sheets for cells in s.cells for cell in cells}
+    rows = tuple(_judged(row) for row in outcome.rows if id(row) not in inside)
+    item = result.item
+    blocks: list[Block] = [
+        Judgement(item.label, item.title, item.claim, _anchor(result), rows, outcome.notes)
+    ]
+    blocks += [
+        Table(
+            sheet.title,
+            (sheet.corner, "", *sheet.columns),
+            tuple(sheet_lines(sheet)),
+            words=(0, 1),
+            note=SIGNS,
         )
-        if o.panels:
-            blocks.append(_figures(o.panels))
-    counts = _counts(items)
-    said = ", ".join(f"{counts[v]} {v}" for v in reversed(TONES) if counts[v])
-    return Section(f"{paper.authors}, {paper.label}", tuple(blocks), (f"{paper.authors}: {said}.",))
+        for sheet in outcome.sheets
+    ]
+    if outcome.panels:
+        blocks.append(_figures(outcome.panels))
+    return blocks
 
 
 def _figures(panels: tuple[Panel, ...]) -> FigureGrid:

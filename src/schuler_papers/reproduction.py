@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from schuler.errors import InputError
-from schuler.execution.executors import Workers, workers
-from schuler.execution.store import Kept
-from schuler.execution.tasks import CPU_SECONDS, Task, run_tasks
+import schuler
+from schuler import InputError
+from schuler.execution import CPU_SECONDS, Kept, Task, Workers, run_tasks, workers
 from schuler_papers.experiment import Experiment, Item, Numbers, Results, Size
 from schuler_papers.outcome import Outcome
 from schuler_papers.registry import PAPERS, Paper, experiments_of
 from schuler_papers.selection import select
 
-PACKAGE = Path(__file__).parents[1]
-_NOT_COUNTED = ("cli", "report", "export", "scale")
+OWN = Path(__file__).parent
+LIBRARY = Path(schuler.__file__).parent
+_NOT_COUNTED = ("cli", "report", "execution")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,15 +106,17 @@ class Reproduction:
 
 
 def code_version(paper: str) -> str:
-    """Return a digest of all sources that the numbers of a paper depend on."""
+    """Return a digest of all sources that the numbers of a paper depend on.
+
+    What is only shown or judged afterwards, and other papers, do not count.
+    """
     digest = hashlib.sha256(np.__version__.encode())
-    for source in sorted(PACKAGE.rglob("*.py")):
-        place = source.relative_to(PACKAGE)
-        own = place.parts[:2] in (("studies", paper), ("studies", f"{paper}.py"))
-        shared = place.parts[0] != "studies" or place.name == "experiment.py"
-        if (own or shared) and place.parts[0] not in _NOT_COUNTED:
-            digest.update(place.as_posix().encode())
-            digest.update(source.read_bytes())
+    library = [
+        p for p in LIBRARY.rglob("*.py") if p.relative_to(LIBRARY).parts[0] not in _NOT_COUNTED
+    ]
+    for source in sorted([*library, OWN / "experiment.py", *(OWN / paper).glob("*.py")]):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
     return digest.hexdigest()[:8]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from schuler.errors import InputError
+from schuler import InputError
 from schuler_papers.experiment import Experiment, Item
 from schuler_papers.registry import PAPERS, experiments_of, find_paper
 

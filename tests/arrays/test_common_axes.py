@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from schuler.cli.simulate import SensorOptions, simulate
 
 from schuler.arrays.common_axes import check_axes, require_common_axes
 from schuler.arrays.detection.faults import detect_faults
 from schuler.arrays.geometry import orthogonal_mounting, tetrahedron_mounting
 from schuler.arrays.read import read_array
 from schuler.arrays.synthesis.synthetic import synthesize
+from schuler.cli.options.simulation import MotionOptions, SensorOptions
+from schuler.cli.verbs.simulate import simulate
 from schuler.data import ImuArray, Mounting
 from schuler.data.mounting import MOUNTING_FILE, mounting_yaml
 from schuler.errors import InputError
@@ -24,6 +25,8 @@ from schuler.simulation.grades import grade_noise
 from schuler.simulation.scenario import Scenario, simulate_drive
 
 GRAVITY = 9.81
+
+STILL = MotionOptions(motion="static", duration=30.0)
 
 
 @lru_cache
@@ -129,7 +132,7 @@ def test_faults_of_gyros_are_not_taken_for_turns(fault: str) -> None:
 @pytest.mark.parametrize("array", ["tetrahedron", "tetrahedron:0.1", "2", "4"])
 def test_simulate_writes_the_mounting_that_reading_finds(array: str, tmp_path: Path) -> None:
     out = tmp_path / "twin"
-    simulate(out, motion="static", duration=30.0, sensor=SensorOptions(array=array))
+    simulate(out, moved=STILL, sensor=SensorOptions(array=array))
     read = read_array(out)
     truth = (
         tetrahedron_mounting(float(array.partition(":")[2] or 0.0))
@@ -145,7 +148,7 @@ def test_simulate_writes_the_mounting_that_reading_finds(array: str, tmp_path: P
 
 def test_a_mounting_file_that_does_not_fit_is_named(tmp_path: Path) -> None:
     out = tmp_path / "twin"
-    simulate(out, motion="static", duration=30.0, sensor=SensorOptions(array="3"))
+    simulate(out, moved=STILL, sensor=SensorOptions(array="3"))
     place = out / MOUNTING_FILE
     place.write_text(mounting_yaml(Mounting.aligned(2), ["imu1", "imu2"]))
     with pytest.raises(InputError, match="says nothing of imu3"):

@@ -15,8 +15,8 @@ class Outcome:
     err: str
 
     def one_line(self) -> str:
-        """The error: one line on standard error, never a traceback."""
-        lines = self.err.strip().splitlines()
+        """The error: one line on standard error beside progress, never a traceback."""
+        lines = [s for s in self.err.strip().splitlines() if not s.startswith("... ")]
         assert len(lines) == 1, self.err
         assert "Traceback" not in self.err
         assert lines[0].startswith("schuler: ")

@@ -122,6 +122,38 @@ def test_observability_says_what_is_hidden(
     assert "Nothing is hidden" in alone.out
 
 
+@pytest.mark.parametrize("name", ["constrained", "system"])
+def test_several_solutions_have_a_summary_like_any_other(
+    drive: dict[str, Path], call: Call, tmp_path: Path, name: str
+) -> None:
+    out, page = tmp_path / "one.json", tmp_path / "one.html"
+    told = ("--mechanization", name, "--json", str(out), "--report", str(page))
+    done = call("navigate", *arguments(drive, *told))
+    assert done.code == 0, done.err
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["findings"] == []
+    assert found["settings"]["mechanization"] == name
+    assert 0.3 < found["updates"]["GNSS velocity"]["mean_nis_per_degree"] < 1.5
+    assert page.stat().st_size > 10_000
+
+
+def test_the_lag_of_an_array_is_taken(drive: dict[str, Path], call: Call, tmp_path: Path) -> None:
+    out, found = tmp_path / "one.json", {}
+    for how in ((), ("--lag", "3"), ("--smooth",)):
+        told = ("--mechanization", "system", "--json", str(out), *how)
+        done = call("navigate", *arguments(drive, *told))
+        assert done.code == 0, done.err
+        found[how[:1]] = json.loads(out.read_text(encoding="utf-8"))["smoothed"]
+    assert found[()] is None
+    lagged, smoothed = found["--lag",], found["--smooth",]
+    assert (lagged["smoothing"], lagged["lag_s"]) == ("fixed lag", 3.0)
+    assert smoothed["smoothing"] == "fixed interval"
+    assert smoothed["velocity_sd_median_m_s"] < lagged["velocity_sd_median_m_s"]
+    both = call("navigate", *arguments(drive, "--lag", "3", "--smooth"))
+    assert both.code == 2
+    assert "--smooth and --lag" in both.one_line()
+
+
 def board(path: Path, count: int = 2) -> Path:
     """The calibration of the array as it was made: turned, 0.1 m from the middle, one biased."""
     turned = np.stack([dcm_from_euler(0.0, 0.0, np.radians(a)) for a in (0.0, YAW)])
@@ -196,13 +228,17 @@ def test_a_calibration_that_does_not_fit_is_one_line(
     ("more", "words"),
     [
         (("--imu", "x.csv"), "--imu and --array together"),
+        (("--lag", "2"), "--lag with --array"),
         (("--mount", "0,0,0"), "3 mountings for 2 IMUs"),
         (("--mechanization", "federated"), "mechanization 'federated'"),
         (("--mechanization", "all", "--smooth"), "--smooth with --mechanization all"),
         (("--mechanization", "all", "--lag", "2"), "--lag with --mechanization all"),
         (("--mechanization", "all", "--update", "huber"), "--update, --adaptive or --gnss-corr"),
-        (("--mechanization", "system", "--adaptive"), "weights of GNSS with the system"),
-        (("--mechanization", "system", "--smooth"), "smoothing with the system mechanization"),
+        (("--mechanization", "constrained", "--adaptive"), "--adaptive) with the constrained"),
+        (
+            ("--mechanization", "constrained", "--smooth"),
+            "--lag) with the constrained mechanization",
+        ),
     ],
 )
 def test_bad_input_is_one_line(

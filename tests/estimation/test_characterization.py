@@ -13,9 +13,9 @@ import pytest
 from schuler.data import ImuRecording
 from schuler.errors import EstimationError
 from schuler.estimation.characterization import characterize_imu, grid_step
+from schuler.estimation.comparison.agreement import compare_runs
 from schuler.estimation.identification import Identification
 from schuler.estimation.identify import identify
-from schuler.estimation.replicates import compare_runs
 from schuler.noise import GaussMarkov, RandomWalk, WhiteNoise
 
 GYRO = WhiteNoise(6e-4) + RandomWalk(3e-6)

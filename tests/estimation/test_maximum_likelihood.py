@@ -16,7 +16,6 @@ from schuler.estimation.identify import identify
 from schuler.estimation.maximum_likelihood import (
     LikelihoodIdentification,
     _evaluate,
-    _sampled_wavelet_variance,
     fit_maximum_likelihood,
 )
 from schuler.estimation.parts import free_parameters, with_logs
@@ -119,7 +118,7 @@ def test_information_is_the_scatter_of_the_score() -> None:
 def test_sampled_wavelet_variance_is_that_of_the_covariance() -> None:
     process = WhiteNoise(0.3) + GaussMarkov(1.5, 0.15) + RandomWalk(0.8)
     factors = np.array([1, 2, 8])
-    found = _sampled_wavelet_variance(process, factors, 0.1)
+    found = 0.5 * process.sampled_allan_variance(factors, 0.1)
     covariance = sample_covariance(process.parts, 16, 0.1)
     for m, value in zip(factors, found, strict=True):
         taps = np.concatenate([np.full(m, -0.5 / m), np.full(m, 0.5 / m)])

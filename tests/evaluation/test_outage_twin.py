@@ -15,7 +15,12 @@ from scipy.stats import chi2
 
 from schuler.data import CHANNELS
 from schuler.evaluation.error_model_comparison import ErrorModelComparison, group_by_model
-from schuler.evaluation.outage_twin import OutageTwin, draw, outage_twin, run_outages
+from schuler.evaluation.outage_twin import (
+    OutageTwin,
+    draw_outage_twin,
+    outage_twin,
+    run_outages,
+)
 from schuler.navigation.error_models.allan_readings import AllanReading
 from schuler.navigation.error_models.autoregressive_fits import autoregressive_fits
 from schuler.navigation.error_models.catalogue import ErrorModel, error_model
@@ -114,7 +119,7 @@ def comparison() -> ErrorModelComparison:
     )
     chosen = models("18AV", "18AVWD", "15AR", "27AR", "flicker4")
     draws = [
-        run_outages(twin, chosen, draw(twin, np.random.default_rng([7, seed])))
+        run_outages(twin, chosen, draw_outage_twin(twin, np.random.default_rng([7, seed])))
         for seed in range(ORDER_SEEDS)
     ]
     return ErrorModelComparison(group_by_model(chosen, draws))
@@ -172,7 +177,7 @@ def test_no_model_is_better_than_the_floor(comparison: ErrorModelComparison) -> 
 def test_the_same_seed_is_the_same_draw() -> None:
     profile, windows = drive()
     twin = outage_twin(profile, sensor(turn_on=True), windows)
-    a, b, c = (draw(twin, np.random.default_rng(s)) for s in (3, 3, 4))
+    a, b, c = (draw_outage_twin(twin, np.random.default_rng(s)) for s in (3, 3, 4))
     np.testing.assert_array_equal(a.imu.gyro, b.imu.gyro)
     np.testing.assert_array_equal(a.gnss.position, b.gnss.position)
     assert np.abs(a.imu.gyro - c.imu.gyro).min() > 0.0
@@ -189,7 +194,9 @@ def test_every_model_is_honest_with_its_own_truth(name: str) -> None:
     twin: OutageTwin = outage_twin(profile, model.noise_model, windows)
     nis, nees = [], []
     for seed in range(OWN_SEEDS):
-        stats, mean = run_outages(twin, [model], draw(twin, np.random.default_rng([9, seed])))[name]
+        stats, mean = run_outages(
+            twin, [model], draw_outage_twin(twin, np.random.default_rng([9, seed]))
+        )[name]
         nis.append(mean)
         for w in stats.windows:
             error = w.error_ned[-1, :2]

@@ -11,6 +11,7 @@ import pytest
 
 from schuler import earth
 from schuler.kernels.navigation.constraint import constraint_model
+from schuler.kernels.navigation.stacked_data import Tie
 from schuler.kernels.navigation.strapdown import rotation_from_quaternion
 from schuler.kernels.navigation.update import feed_back
 from schuler.rotations import (
@@ -44,14 +45,13 @@ class Pair:
 
     def residual(self) -> tuple[Array, Array, Array, Array, Array]:
         (r1, v1, c1), (r2, v2, c2) = self.poses
-        out = np.empty(9)
-        jacobians = np.empty((9, 9)), np.empty((9, 9)), np.empty((9, 6)), np.empty((3, 3))
+        tie = Tie.empty()
         rate = self.gyro - c1.T @ self.frame_rate
         constraint_model(
             r1, v1, np.ascontiguousarray(c1), r2, v2, np.ascontiguousarray(c2),
-            np.ascontiguousarray(self.relative), self.arm, rate, self.frame_rate, out, *jacobians,
+            np.ascontiguousarray(self.relative), self.arm, rate, self.frame_rate, tie,
         )  # fmt: skip
-        return out, *jacobians
+        return tie.residual, tie.by_first, tie.by_second, tie.by_relative, tie.by_gyro
 
     def disturb(self, which: int, error: Array) -> None:
         """Make a computed pose wrong by an error of spec 7.2 (computed minus true)."""

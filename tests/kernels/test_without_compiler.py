@@ -13,7 +13,7 @@ SCRIPT = """
 import sys
 import numpy as np
 from schuler.data import CHANNELS
-from schuler.navigation import run
+from schuler.navigation.run import run
 from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets

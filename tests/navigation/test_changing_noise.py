@@ -10,7 +10,7 @@ import pytest
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError, ModelError
 from schuler.estimation.garch.conditional_variance import simulate_garch
-from schuler.evaluation.outage_twin import draw, outage_twin
+from schuler.evaluation.outage_twin import draw_outage_twin, outage_twin
 from schuler.navigation.error_models.changing_noise import (
     ChangingNoise,
     VarianceRecursion,
@@ -153,7 +153,7 @@ def test_a_filter_that_follows_the_noise_is_better() -> None:
     likelihood, velocity = [], []
     for seed in range(8):
         rng = np.random.default_rng([8, seed])
-        drawn = draw(twin, rng)
+        drawn = draw_outage_twin(twin, rng)
         noise, scale = garch_noise(drawn.imu.size, rng)
         imu = recording(noise, drawn.imu)
         setup = RunSetup(

@@ -20,8 +20,11 @@ from schuler.navigation.aiding.parity import Parity
 from schuler.navigation.engine import FilterRun, gate_thresholds, run_engine
 from schuler.navigation.mechanizations.array_model import extended_model, fused_model
 from schuler.navigation.mechanizations.navigate_array import MECHANIZATIONS, run_mechanization
-from schuler.navigation.mechanizations.stacked import RigidBody, default_weight, run_stack
+from schuler.navigation.mechanizations.shared_errors import shared_errors
+from schuler.navigation.mechanizations.single_imu import single_setup
+from schuler.navigation.mechanizations.stacked import RigidBody, default_weight
 from schuler.navigation.navigate import withhold
+from schuler.navigation.run import run
 from schuler.rotations import dcm_from_rotation_vector, rotation_vector_from_dcm
 from schuler.simulation import Profile, ideal_imu, motorcycle
 
@@ -202,36 +205,58 @@ def relative_error(stack, true: Mounting) -> float:  # type: ignore[no-untyped-d
     for i in range(1, true.count):
         c_1i = true.rotation[i].T @ true.rotation[0]
         arm = true.rotation[0].T @ (true.position[i] - true.position[0])
-        error.append(-rotation_vector_from_dcm(stack.relative_rotation[-1][i] @ c_1i.T))
-        error.append(stack.relative_position[-1][i] - arm)
+        error.append(-rotation_vector_from_dcm(stack.outputs.node_relative[-1][i] @ c_1i.T))
+        error.append(stack.outputs.node_arm[-1][i] - arm)
     x = np.concatenate(error)
     p = stack.covariance[-x.size :, -x.size :]
     return float(x @ np.linalg.solve(p, x))
 
 
-def test_untied_blocks_are_the_single_filters() -> None:
-    """At system level every IMU does what the engine does with it, outage and refusals included."""
-    twin = draw_array(ride(), orthogonal_mounting(2), [mems(), mems(3.0)], 3)
-    prepared = twin.prepared
+def test_system_level_is_the_mean_of_single_imus() -> None:
+    """Every IMU does what it does alone; who is far from the others is not heard."""
+    twin = draw_array(ride(), tetrahedron_mounting(0.05), unequal(), 3)
     gnss = withhold(twin.gnss, [OUTAGE])
-    stack = run_stack(
-        prepared, gnss, constrained=False, gate=gate_thresholds(1e-6), weight=np.full(2, 0.5),
-        rigid=RigidBody(rotation_sd=1e-12, position_sd=1e-12),
-    )  # fmt: skip
-    for i, model in enumerate(prepared.models):
-        setup = replace(prepared.setup, model=model)
-        alone = replace(
-            prepared.recording, gyro=prepared.array.gyro[:, i], accel=prepared.array.accel[:, i]
-        )
-        run = run_engine(
-            alone, setup.initial_state(alone, gnss), model, setup.schedule(alone, gnss),
-            gate=gate_thresholds(1e-6),
-        )  # fmt: skip
-        path = stack.trajectories[i]
-        np.testing.assert_allclose(path.velocity, run.samples.velocity, rtol=0.0, atol=1e-9)
-        np.testing.assert_allclose(path.rotation, run.samples.rotation, rtol=0.0, atol=1e-9)
-        np.testing.assert_allclose(stack.sd[:, i, 6:], run.samples.attitude_sd, rtol=1e-8)
-        np.testing.assert_allclose(stack.nis[:, i], run.aiding.nis, rtol=1e-6)
+    system = run_mechanization(twin.prepared, gnss, "system")
+    alone = [run_mechanization(twin.prepared, gnss, "single", imu=i).solution for i in range(4)]
+    assert system.vote is not None
+    heard = system.vote.heard.all(axis=1)
+    assert heard.mean() > 0.5
+    mean = np.mean([s.trajectory.velocity for s in alone], axis=0)
+    np.testing.assert_allclose(system.solution.trajectory.velocity[heard], mean[heard], atol=1e-12)
+    assert system.states == 4 * (9 + alone[0].sensor_errors.shape[1])
+    kinds = system.solution.innovations.kind
+    assert len(kinds) == sum(len(s.innovations.kind) for s in alone)
+
+
+def test_what_solutions_share_is_what_their_errors_share() -> None:
+    """Covariances between two filters against errors over draws, before and in an outage."""
+    fixes, products, claimed = np.array([55.0, 69.0]), [], []
+    for seed in range(40):
+        twin = draw_array(ride(), orthogonal_mounting(2), [mems(), mems(2.0)], 500 + seed)
+        gnss = withhold(twin.gnss, [OUTAGE])
+        runs, models, starts, errors = [], [], [], []
+        for i in range(2):
+            recording, setup = single_setup(twin.prepared, gnss, i)
+            done = run(recording, gnss, setup, keep_nodes=True)
+            path = done.causal.trajectory
+            k = np.searchsorted(path.time, fixes - 1e-6)
+            lever = twin.prepared.array.mounting.position[i]
+            assert np.abs(lever).max() < 0.1
+            errors.append(
+                navigation_errors(
+                    ride(), path.time[k], path.position[k], path.velocity[k], path.rotation[k]
+                )[:, 3:6]
+            )
+            runs.append(done.filter)
+            models.append(setup.model.layout().block)
+            starts.append(np.sqrt(np.diag(setup.initial_state(recording, gnss).covariance)[:9]))
+        shared = shared_errors(runs, models, np.stack(starts))
+        assert shared is not None
+        products.append(errors[0] * errors[1])
+        claimed.append(shared.at(fixes, 0, 1)[:, 9:12])
+    real, said = np.mean(products, axis=0), np.mean(claimed, axis=0)
+    spread = np.std(products, axis=0) / np.sqrt(len(products))
+    assert np.all(np.abs(real - said) < 4.0 * spread + 0.1 * said)
 
 
 def test_redundancy_ranks_as_s002_says() -> None:

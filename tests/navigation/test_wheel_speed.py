@@ -16,6 +16,7 @@ from schuler.navigation.aiding.wheel import WheelSpeeds, find_wheel_speeds
 from schuler.navigation.engine import gate_thresholds
 from schuler.navigation.navigate import navigate, withhold
 from schuler.navigation.run import run
+from schuler.navigation.segments import RunSegment
 from schuler.simulation import Vibration, add_vibration, engine_turning_rate, wheel_turning_rate
 
 SEEDS = 4
@@ -59,14 +60,9 @@ def heard(draw: VehicleTwin) -> WheelSpeeds:
     setup, imu = draw.aided.setup, draw.aided.imu
     gnss = withhold(draw.aided.gnss, WINDOWS)
     assert setup.vehicle is not None
-    return find_wheel_speeds(
-        imu,
-        setup.initial_state(imu, gnss),
-        setup.model,
-        setup.schedule(imu, gnss),
-        setup.vehicle.states,
-        gate=gate_thresholds(1e-6),
-    )
+    whole = RunSegment(imu, setup.initial_state(imu, gnss), setup.schedule(imu, gnss), None)
+    states = setup.vehicle.states
+    return find_wheel_speeds(whole, setup.model, states, gate=gate_thresholds(1e-6))
 
 
 def solved(draw: VehicleTwin, constraints: tuple[str, ...]) -> NavigationSolution:
@@ -163,10 +159,11 @@ def test_speeds_know_no_future(drives: Drive) -> None:
 def test_rows_measure_forward_only_and_wheel_needs_nhc(drives: Drive) -> None:
     draw = draw_vehicle(drives.silent, 1, ("nhc", "wheel"))
     model = draw.aided.setup.model
-    speeds = WheelSpeeds(np.array([1.0]), np.array([9.0]), np.array([0.1]), 0.5)
-    rows = speeds.rows(model)
+    place = model.names.index("wheel speed error")
+    speeds = WheelSpeeds(np.array([1.0]), np.array([9.0]), np.array([0.1]), place, 0.5)
+    rows = speeds.rows()
     assert rows.kind.tolist() == [VEHICLE_VELOCITY]
     np.testing.assert_array_equal(rows.variance, [[0.1**2, np.inf, np.inf]])
-    assert model.names[rows.offset_state[0, 0]] == "wheel speed error"
+    assert rows.offset_state[0].tolist() == [place, -1, -1]
     with pytest.raises(SchulerError, match="without 'nhc'"):
         navigate(draw.aided.imu, draw.aided.gnss, aiding=("wheel",))

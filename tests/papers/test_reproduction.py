@@ -52,8 +52,11 @@ def test_two_processes_give_the_same_numbers(tmp_path: Path) -> None:
 def test_rows_are_plain_values() -> None:
     done = reproduce(["S003"], item="E-003-5")
     row = json.loads(json.dumps(done.rows()))[0]
-    assert {"paper", "item", "verdict", "printed", "ours", "band"} <= set(row)
+    asked = {"paper", "item", "kind", "printed", "ours", "standard_error", "band", "verdict"}
+    assert asked <= set(row)
     assert row["verdict"] == "wrong in the paper"
+    assert row["kind"] == "arithmetic"
+    assert row["proof"]["holds"]
     assert row["printed"] == 458.0
     np.testing.assert_allclose(row["ours"], np.sqrt(5e-9 * 0.005 * 3600.0**3 / 3.0), rtol=1e-12)
 

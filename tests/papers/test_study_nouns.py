@@ -10,9 +10,11 @@ import pytest
 from schuler.errors import InputError, ModelError
 from schuler_papers import (
     PAPERS,
+    VERDICTS,
     Band,
     Curve,
     Estimate,
+    Proof,
     Row,
     estimate,
     experiments_of,
@@ -20,6 +22,7 @@ from schuler_papers import (
     numbers,
     stacked,
 )
+from schuler_papers.outcome import rounding
 from schuler_papers.registry import find_paper
 
 
@@ -31,16 +34,53 @@ def test_a_row_fails_outside_its_band_and_errors_widen_it_only_when_asked() -> N
     assert Row("reduction", Estimate(0.515, 0.01), band=wide).holds
     assert not Row("reduction", Estimate(0.525, 0.01), band=wide).holds
     assert not Row("reduction", math.nan, band=wide).holds
-
-
-def test_a_row_says_why() -> None:
-    with pytest.raises(ModelError, match="without a reason"):
-        Row("roots", 1.044, verdict="wrong in the paper")
+    assert Row("reduction", math.nan, band=wide).verdict == "outside its band"
     with pytest.raises(ModelError, match="measured"):
         Band(0.0, 1.0, "frozen")
-    row = Row("roots", 1.1, 1.0, "wrong in the paper", reason="unstable", erratum="E-003-10")
+
+
+HELD = Proof("they sum to one", 1.0, 0.999, 1.001)
+FAILED = Proof("they sum to one", 0.9, 0.999, 1.001)
+NARROW, WIDE = Band(0.9, 1.1), Band(0.5, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("row", "verdict", "kind"),
+    [
+        (Row("x", 1.0, 1.05, band=NARROW), "reproduced", "printed"),
+        # a printed 1.1 may be 1.149
+        (Row("x", 1.0, 1.1, band=Band(0.9, 1.06)), "reproduced", "printed"),
+        (Row("x", 1.0, 1.12, band=Band(0.9, 1.1)), "not met", "printed"),
+        (Row("x", 1.0, 1.5, band=WIDE), "reproduced in kind", "printed"),
+        (Row("x", 1.0, 3.0, band=WIDE), "not met", "printed"),
+        (Row("x", 1.0, 3.0, band=WIDE, proof=HELD), "wrong in the paper", "printed"),
+        (Row("x", 1.0, 3.0, band=WIDE, proof=FAILED), "not met", "printed"),
+        (Row("x", 1.0, 1.05, band=NARROW, proof=HELD), "reproduced", "printed"),
+        (Row("x", 1.0, 3.0, band=WIDE, role="arithmetic"), "wrong in the paper", "arithmetic"),
+        (Row("x", 1.0, 3.0), "shown", "shown"),
+        (Row("x", 1.0, 1.1, printed_error=0.06), "reproduced", "printed"),
+        (Row("x", 1.0, 1.5, printed_error=0.3), "reproduced in kind", "printed"),
+        (Row("x", 1.0, 1.5, printed_error=0.1), "not met", "printed"),
+        (Row("x", Estimate(1.0, 0.3), 1.5, printed_error=0.1), "reproduced in kind", "printed"),
+        (Row("x", 1.0, "no", band=NARROW), "reproduced in kind", "shown"),
+        (Row("x", 1.0, "no", band=NARROW, against=True), "not met", "shown"),
+        (Row("x", 1.0, "no", band=NARROW, against=True, proof=HELD), "wrong in the paper", "shown"),
+        (Row("x", 1.0, band=NARROW), "beyond the paper", "shown"),
+        (Row("x", 1.0), "shown", "shown"),
+        (Row("x", 1.0, 1.0, role="setting"), "setting", "setting"),
+        (Row("x", 3.0, 3.0, band=WIDE), "outside its band", "printed"),
+    ],
+)  # fmt: skip
+def test_the_verdict_follows_from_the_numbers(row: Row, verdict: str, kind: str) -> None:
+    assert (row.verdict, row.kind) == (verdict, kind)
+    assert verdict in VERDICTS
     told = row.to_dict()
-    assert (told["printed"], told["ours"], told["standard_error"]) == (1.0, 1.1, None)
+    assert (told["verdict"], told["kind"]) == (verdict, kind)
+
+
+def test_a_printed_number_is_as_sure_as_its_last_digit() -> None:
+    for printed, half in ((0.0155, 5e-5), (92.0, 0.5), (5e-9, 5e-10), (2.12e-2, 5e-5), (-37, 0.5)):
+        assert rounding(printed) == pytest.approx(half), printed
 
 
 def test_estimate_is_the_mean_with_the_error_of_the_mean() -> None:

@@ -8,6 +8,7 @@ import pytest
 from schuler import earth
 from schuler import simulation as simulate
 from schuler.errors import InputError
+from schuler.simulation.motions import paths
 
 SILENT = 1e-9
 
@@ -22,7 +23,7 @@ def circle() -> simulate.Profile:
     return simulate.drive(
         [
             simulate.Manoeuvre(10.0, 8.0),
-            simulate.Manoeuvre(40.0, 8.0, 0.2 * 40.0 / simulate.paths.STEEPEST),
+            simulate.Manoeuvre(40.0, 8.0, 0.2 * 40.0 / paths.STEEPEST),
         ],
         suspension=simulate.Suspension(0.0, 0.0),
     )

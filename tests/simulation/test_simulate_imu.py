@@ -14,6 +14,7 @@ from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError
 from schuler.noise import GaussMarkov, NoiseModel, RandomWalk, WhiteNoise
 from schuler.rotations import dcm_from_rotation_vector, rotation_vector_from_dcm
+from schuler.simulation.motions.drives import KNOT_SPACING
 
 QUIET = 1e-4
 
@@ -37,7 +38,7 @@ def test_samples_are_means_over_the_interval_that_ends_at_the_stamp(drive, rate)
         def both(t):
             return np.concatenate([x[0] for x in drive.rates(t)])
 
-        knots = np.arange(0.0, 150.1, simulate.drives.KNOT_SPACING)
+        knots = np.arange(0.0, 150.1, KNOT_SPACING)
         integral, _ = quad_vec(
             both, imu.time[k] - 1.0 / rate, imu.time[k], epsabs=1e-13, points=knots
         )

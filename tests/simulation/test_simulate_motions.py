@@ -12,6 +12,7 @@ from schuler import simulation as simulate
 from schuler.errors import InputError
 from schuler.navigation.preparation.dead_reckoning import dead_reckon
 from schuler.rotations import rotation_vector_from_dcm
+from schuler.simulation.motions.flying import thrust_attitude
 
 SECONDS = {"motorcycle": 600.0, "ski": 210.0, "walk": 600.0, "drone": 300.0}
 
@@ -146,7 +147,7 @@ def test_drone_is_carried_by_its_thrust(seed: int) -> None:
 
 def test_thrust_pushes_where_the_drone_tilts() -> None:
     push = np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
-    roll, pitch = simulate.flying.thrust_attitude(push, np.zeros(2))
+    roll, pitch = thrust_attitude(push, np.zeros(2))
     assert pitch[0] == pytest.approx(-np.arctan(2.0 / 9.80665))  # nose down to go forward
     assert roll[1] == pytest.approx(np.arctan(2.0 / 9.80665))  # right side down to go right
 

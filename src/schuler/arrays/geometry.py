@@ -210,7 +210,35 @@ def orthogonal_mounting(count: int) -> Mounting:
 
 
 def tetrahedron_mounting(radius: float = 0.0) -> Mounting:
-    """Return four triads on the faces of a regular tetrahedron."""
+    """Return four triads on the faces of a regular tetrahedron.
+
+    Parameters
+    ----------
+    radius : float
+        Distance of the IMUs from the origin of the body, m.
+
+    Returns
+    -------
+    Mounting
+        Rotations (4, 3, 3) body from sensor, positions (4, 3) in m.
+
+    Raises
+    ------
+    InputError
+        A radius that is not finite.
+
+    Notes
+    -----
+    S000 Fig. 4 and S002 Fig. 8. The twelve axes satisfy A'A = 4 I, as those of any four full
+    triads do: turning them gains isolation of faults, not noise.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> axes = np.concatenate([c.T for c in schuler.tetrahedron_mounting().rotation])
+    >>> bool(np.allclose(axes.T @ axes, 4.0 * np.eye(3)))
+    True
+    """
     tilt = np.arccos(-1.0 / 3.0)
     yaw = np.radians([0.0, 0.0, 120.0, 240.0])
     pitch = np.array([np.pi, np.pi - tilt, np.pi - tilt, np.pi - tilt])

@@ -147,7 +147,32 @@ class FiguresOfMerit:
 
 
 def parity_matrix(axes: FloatArray, deviations: FloatArray) -> FloatArray:
-    """Return rows blind to motion: V A = 0, orthonormal for the whitened sensors (spec 6.4)."""
+    """Return rows that are blind to motion: V A = 0, orthonormal for the whitened sensors.
+
+    Parameters
+    ----------
+    axes : (M, 3) ndarray
+        Sensitive axes in the body, A.
+    white : (M,) ndarray
+        Standard deviations or densities of the sensors, in any unit.
+
+    Returns
+    -------
+    (M - 3, M) ndarray
+        V: the parity vector V l of sensors with this noise has the unit covariance.
+
+    Notes
+    -----
+    S002 (2).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> axes = schuler.Geometry.from_mounting(schuler.tetrahedron_mounting()).axes
+    >>> v = schuler.parity_matrix(axes, np.ones(12))
+    >>> v.shape, bool(np.allclose(v @ axes, 0.0))
+    ((9, 12), True)
+    """
     whole, _ = np.linalg.qr(axes / deviations[:, None], mode="complete")
     return np.asarray(whole[:, 3:].T / deviations)
 

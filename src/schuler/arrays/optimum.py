@@ -51,7 +51,40 @@ def optimize_cone(
     criterion: Criterion | Callable[[FiguresOfMerit], float] = "gdop",
     half_angles: tuple[float, float] = (np.radians(1.0), np.radians(89.0)),
 ) -> OptimalGeometry:
-    """Return the best half angle of a cone."""
+    """Return the best half angle of a cone of single axes.
+
+    Parameters
+    ----------
+    count : int
+        Axes on the cone.
+    with_axis : bool
+        One more along its middle.
+    criterion : str or callable
+        "gdop", "volume", "vertical", "detectable_bias", "isolation", or a function of
+        `FiguresOfMerit` that has to be small.
+    half_angles : (low, high)
+        Where it is looked for, rad.
+
+    Returns
+    -------
+    OptimalGeometry
+        Half angle in `parameters`, rad, and figures of merit there.
+
+    Raises
+    ------
+    InputError
+        An unknown criterion, or no geometry that spans three dimensions.
+
+    Notes
+    -----
+    S002 Fig. 8; 54.7 degrees minimise the GDOP of axes on a cone (Pejsa 1974).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> float(np.degrees(schuler.optimize_cone(6).parameters[0]).round(1))
+    54.7
+    """
     make = cone_with_axis if with_axis else cone
 
     def build(parameters: FloatArray) -> Geometry:

@@ -96,7 +96,35 @@ def kinds_recorded(array: ImuArray) -> tuple[Sensor, ...]:
 
 
 def redundant_sensors(array: ImuArray, sensor: Sensor) -> RedundantSensors:
-    """Return one kind of sensor of an array."""
+    """Return all gyros, or all accelerometers, of an array as S002 (8) has them.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Two or more IMUs.
+    sensor : {"gyro", "accel"}
+        Which.
+
+    Returns
+    -------
+    RedundantSensors
+        Measurements (n, M) in rad/s or m/s², axes (M, 3), IMU and place of each.
+
+    Raises
+    ------
+    InputError
+        One IMU only, sensors that were not recorded, or one IMU recorded twice.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> gyro = np.random.default_rng(0).normal(size=(100, 2, 3))
+    >>> array = schuler.ImuArray(
+    ...     np.arange(100) / 100.0, gyro, np.full(gyro.shape, np.nan), schuler.Mounting.aligned(2)
+    ... )
+    >>> schuler.redundant_sensors(array, "gyro").measurements.shape
+    (100, 6)
+    """
     if array.count < 2:
         raise InputError(
             f"an array of one IMU ({array.names[0]})",

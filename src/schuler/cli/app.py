@@ -12,12 +12,16 @@ from cyclopts import App, Parameter
 from cyclopts.exceptions import CycloptsError
 
 from schuler import __version__
-from schuler.cli.console import say
+from schuler.cli.console import MANNERS, say
 from schuler.cli.registry import help_line, verbs
 from schuler.errors import InputError, SchulerError
+from schuler.execution.progress import behave
 
 GOOD, FAILED_CHECK, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
-EPILOGUE = "Exit codes: 0 all is well, 1 a check failed, 2 bad input (one line on stderr says why)."
+EPILOGUE = (
+    "With every command: --quiet (no tables, no progress), --verbose (every step), --no-color.\n\n"
+    "Exit codes: 0 all is well, 1 a check failed, 2 bad input (one line on stderr says why)."
+)
 
 
 def _show_default(value: object) -> object:
@@ -41,6 +45,7 @@ def program(arguments: Sequence[str]) -> App:
     for name, path in paths.items():
         line = help_line(path) if listed else None
         app.command(path, name=name, help=line, help_format="markdown")
+    app.register_install_completion_command(help="Complete verbs and options in your shell.")
     return app
 
 
@@ -53,6 +58,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
+            arguments = _behave(arguments)
             code = _imported(program(arguments), arguments)(
                 _joined(arguments),
                 exit_on_error=False,
@@ -81,6 +87,26 @@ def run(arguments: Sequence[str]) -> int:
         return _bad_input("not enough memory for this input; cut it into parts")
     except Exception as error:
         return _bug(error)
+
+
+def _behave(arguments: Sequence[str]) -> list[str]:
+    """Take what every command understands out of its arguments."""
+    given = {name: f"--{name}" in arguments for name in ("quiet", "verbose", "no-color")}
+    if given["quiet"] and given["verbose"]:
+        raise InputError("--quiet and --verbose together", expected="one of them")
+    MANNERS.quiet, MANNERS.no_color = given["quiet"], given["no-color"]
+    behave("quiet" if given["quiet"] else "verbose" if given["verbose"] else "usual")
+    return [a for a in arguments if not (a.startswith("--") and given.get(a[2:]))]
+
+
+def check(arguments: Sequence[str], where: str) -> None:
+    """Raise when a command would not be understood; nothing is done."""
+    try:
+        _imported(program(arguments), arguments).parse_args(
+            _joined(_behave(arguments)), exit_on_error=False, print_error=False
+        )
+    except CycloptsError as error:
+        raise InputError(_words(error).rstrip("."), where=where) from None
 
 
 def _imported(app: App, arguments: Sequence[str]) -> App:

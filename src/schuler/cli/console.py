@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from schuler.cli.wording import in_options
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,6 +19,26 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 160
 """Columns when nobody watches: wide enough that no cell is broken."""
+
+
+@dataclass
+class Manners:
+    """How a command behaves, whatever its verb.
+
+    Parameters
+    ----------
+    quiet : bool
+        Print no tables and no progress, only failed checks and errors.
+    no_color : bool
+        Print without colours.
+    """
+
+    quiet: bool = False
+    no_color: bool = False
+
+
+MANNERS = Manners()
+"""Of the command that runs."""
 
 
 def printable(text: str) -> str:
@@ -26,7 +49,7 @@ def printable(text: str) -> str:
 
 def say(message: str) -> None:
     """Print one line about the run on standard error."""
-    line = f"schuler: {printable(message)}"
+    line = f"schuler: {in_options(printable(message))}"
     encoding = sys.stderr.encoding or "utf-8"
     print(line.encode(encoding, "backslashreplace").decode(encoding), file=sys.stderr)
 
@@ -50,9 +73,11 @@ class Screen:
     def __init__(self, *, json_on_stdout: bool = False) -> None:
         from rich.console import Console
 
-        self.console: Console = Console(stderr=json_on_stdout, highlight=False)
+        how = {"stderr": json_on_stdout, "highlight": False, "quiet": MANNERS.quiet}
+        how |= {"no_color": True} if MANNERS.no_color else {}
+        self.console: Console = Console(**how)  # type: ignore[arg-type]
         if not self.console.is_terminal:
-            self.console = Console(stderr=json_on_stdout, highlight=False, width=PIPE_WIDTH)
+            self.console = Console(**how, width=PIPE_WIDTH)  # type: ignore[arg-type]
 
     def heading(self, text: str, detail: str = "") -> None:
         """Print a heading with a quieter detail behind it."""
@@ -68,6 +93,7 @@ class Screen:
 
     def finding(self, severity: str, text: str) -> None:
         """Print one finding with a mark that tells how much it matters."""
+        text = in_options(text)
         mark, style = {
             "good": ("+", "green"),
             "info": ("-", "cyan"),

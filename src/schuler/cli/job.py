@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from schuler.cli.console import Screen, say
-from schuler.cli.loading import say_when_compiling
+from schuler.cli.console import Screen, printable, say
+from schuler.cli.loading import assumptions, forget_assumptions, say_when_compiling
 from schuler.cli.options.files import Written
 from schuler.cli.outputs import STDOUT, Outputs, json_text
 from schuler.execution.progress import Progress, progress
@@ -82,6 +82,7 @@ class Job:
     def __init__(
         self, written: Written, *others: Path | None, inputs: Iterable[Path | None] = ()
     ) -> None:
+        forget_assumptions()
         self.written = written
         self.inputs = tuple(path for path in inputs if path is not None)
         self.outputs = Outputs(*others, written.report, written.json, inputs=self.inputs)
@@ -98,7 +99,7 @@ class Job:
         for path, write in result.files:
             self.outputs.file(path, write)
         for path, make in result.texts:
-            self.outputs.text(path, make)
+            self.outputs.text(path, _with_assumptions(path, make))
         self.outputs.text(self.written.json, lambda: json_text(_with_origin(result, origin)))
         paths = self.outputs.commit()
         result.show(self.screen)
@@ -116,13 +117,27 @@ class Job:
             return None
         from schuler.cli.provenance import command_provenance
 
-        return command_provenance(inputs=self.inputs, seeds=result.seeds, settings=result.settings)
+        settings = dict(result.settings)
+        if assumptions():
+            settings["assumptions"] = list(assumptions())
+        return command_provenance(inputs=self.inputs, seeds=result.seeds, settings=settings)
 
 
 def _with_origin(result: Result, origin: Provenance | None) -> Any:
+    found = result.json()
+    if isinstance(found, Mapping) and assumptions():
+        found = {**found, "assumptions": list(assumptions())}
     if not result.with_origin or origin is None:
-        return result.json()
-    return result.json() | {"provenance": origin.to_dict()}
+        return found
+    return found | {"provenance": origin.to_dict()}
+
+
+def _with_assumptions(path: Path | None, make: Callable[[], str]) -> Callable[[], str]:
+    """Put what was taken for granted into comments above a file of YAML."""
+    if path is None or path.suffix.lower() not in (".yaml", ".yml") or not assumptions():
+        return make
+    lines = [f"# assumed: {printable(line)}\n" for line in assumptions()]
+    return lambda: "".join(lines) + make()
 
 
 @contextmanager

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from schuler.cli.console import say
+from schuler.cli.wording import in_options
 from schuler.errors import InputError, SchulerError
 from schuler.execution.progress import progress
 
@@ -17,22 +20,65 @@ if TYPE_CHECKING:
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
     from schuler.noise.noise_model import NoiseModel
+    from schuler.screening.screen import Screening
 
 
-def load_imu(path: Path, how: dict[str, Any]) -> ImuRecording:
+_MOST = 12
+"""Assumptions of one file that are shown."""
+_assumed: list[str] = []
+
+
+def forget_assumptions() -> None:
+    """Begin a command: nothing has been taken for granted yet."""
+    _assumed.clear()
+
+
+def assumptions() -> tuple[str, ...]:
+    """Return what was taken for granted on reading the inputs of this command."""
+    return tuple(_assumed)
+
+
+@contextmanager
+def _reading(name: str, place: str) -> Iterator[None]:
+    """Show that a file is read; errors name the options of this program."""
+    with progress(f"Reading {name}"):
+        try:
+            yield
+        except SchulerError as error:
+            words = (in_options(t, place) for t in (error.found, error.expected, error.cure))
+            found, expected, cure = words
+            raise type(error)(found, expected=expected, cure=cure, where=error.where) from None
+
+
+def _tell(name: str, lines: Iterable[str], place: str) -> None:
+    """Say what was taken for granted about a file, once."""
+    told = [f"{name}: {in_options(line, place)}" for line in lines]
+    new = [line for line in told if line not in _assumed]
+    _assumed.extend(new)
+    for line in new[:_MOST]:
+        say(f"assumed: {line}")
+    if len(new) > _MOST:
+        say(f"assumed: {name}: and {len(new) - _MOST} more (see the JSON)")
+
+
+def load_imu(path: Path, how: dict[str, Any], place: str = "one") -> ImuRecording:
     """Read an IMU recording."""
     from schuler.io import read_imu
 
-    with progress(f"Reading {path.name}"):
-        return read_imu(path, **how)
+    with _reading(path.name, place):
+        recording = read_imu(path, **how)
+    _tell(path.name, recording.assumptions, place)
+    return recording
 
 
-def load_gnss(path: Path, how: dict[str, Any]) -> GnssRecording:
+def load_gnss(path: Path, how: dict[str, Any], place: str = "gnss") -> GnssRecording:
     """Read a GNSS recording."""
     from schuler.io import read_gnss
 
-    with progress(f"Reading {path.name}"):
-        return read_gnss(path, **how)
+    with _reading(path.name, place):
+        recording = read_gnss(path, **how)
+    _tell(path.name, recording.assumptions, place)
+    return recording
 
 
 def load_array(
@@ -40,6 +86,7 @@ def load_array(
     calibration: Path | None,
     how: dict[str, Any],
     clocks: Literal["auto", "shared", "own"] = "auto",
+    place: str = "one",
 ) -> ImuArray:
     """Read an array, calibrated when a calibration is given."""
     from schuler.arrays.calibration.result import ArrayCalibration
@@ -47,7 +94,8 @@ def load_array(
 
     if not files:
         raise InputError("no file of an array", expected="at least one")
-    with progress(f"Reading {', '.join(f.name for f in files)}"):
+    name = ", ".join(f.name for f in files)
+    with _reading(name, place):
         array = read_array(files if len(files) != 1 else files[0], clocks=clocks, **how)
         if calibration is not None:
             try:
@@ -56,6 +104,7 @@ def load_array(
                 if str(calibration) in str(error):
                     raise
                 raise error.at(str(calibration)) from None
+    _tell(name, array.assumptions, place)
     return array
 
 
@@ -98,10 +147,12 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
     """Read IMU and GNSS of a drive, repaired when asked."""
     from schuler.data.imu import CHANNELS
     from schuler.navigation.aiding.gnss import require_overlap
+    from schuler.screening.clocks import check_clocks
     from schuler.screening.screen import repair, screen
 
-    recording = load_imu(imu, reading.imu_options())
+    recording = load_imu(imu, reading.imu_options(), "imu")
     fixes = load_gnss(gnss, reading.gnss_options())
+    check_clocks(recording, fixes)
     try:
         require_overlap(fixes, float(recording.time[0]), float(recording.time[-1]))
     except SchulerError as error:
@@ -117,6 +168,7 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
         )
     screening = screen(recording)
     screening.require_usable()
+    _require_units(screening, imu)
     if reading.repair:
         recording = repair(recording, screening)
     if reading.flip:
@@ -124,6 +176,13 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
 
         recording = flipped(recording, check_flip(reading.flip))
     return recording, fixes
+
+
+def _require_units(screening: Screening, path: Path) -> None:
+    """Raise where the screening knows the unit that was meant: no filter could start with it."""
+    for finding in screening.of_kind("units"):
+        if "say so with" in finding.message:
+            raise InputError(in_options(finding.message, "imu"), where=str(path))
 
 
 def load_array_drive(
@@ -134,7 +193,7 @@ def load_array_drive(
         raise InputError(
             "--mount and --calibration together", expected="one of them: both say how IMUs sit"
         )
-    array = load_array(options.array, options.calibration, reading.imu_options())
+    array = load_array(options.array, options.calibration, reading.imu_options(), place="imu")
     mounting = options.mounting(array.count)
     if mounting is not None:
         array = replace(array, mounting=mounting)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -15,24 +14,11 @@ from schuler.errors import InputError
 STDOUT = Path("-")
 
 
-def plain_values(value: Any) -> Any:
-    """Return plain JSON values: arrays become lists, numbers that are not finite become null."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): plain_values(v) for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain_values(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, (str, int, float, bool)):
-        return value
-    return str(value)
-
-
 def json_text(value: Any) -> str:
     """Return JSON that every parser reads."""
-    return json.dumps(plain_values(value), indent=2, allow_nan=False) + "\n"
+    from schuler.data.to_dict import plain
+
+    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 
 class Outputs:

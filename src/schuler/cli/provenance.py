@@ -19,12 +19,12 @@ def command_provenance(
     settings: Mapping[str, Any] | None = None,
 ) -> Provenance:
     """Record this command with its inputs."""
-    from schuler.cli.outputs import plain_values
+    from schuler.data.to_dict import plain
     from schuler.report.provenance import record_provenance
 
     return record_provenance(
         command="schuler " + shlex.join(sys.argv[1:]),
         inputs=inputs,
         seeds=seeds,
-        settings=plain_values(dict(settings or {})),
+        settings=plain(dict(settings or {})),
     )

@@ -22,6 +22,10 @@ VERBS = (
     "simulate",
     "export",
     "geometry",
+    "convert",
+    "read",
+    "formats",
+    "run",
     "warm",
 )
 """Our verbs; each is a function of its name in a module of its name."""

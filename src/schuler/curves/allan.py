@@ -12,6 +12,7 @@ from schuler.curves.allan_family import family_deviation
 from schuler.curves.confidence import (
     chi_square_bounds,
     local_slope,
+    not_by_chance,
     power_law_degrees_of_freedom,
 )
 from schuler.errors import InputError
@@ -85,6 +86,7 @@ def allan_deviation(
     variance = _variances(columns, factors)
     tau = factors / rate
     slopes = np.column_stack([local_slope(tau, v) for v in variance.T])
+    slopes = not_by_chance(slopes, factors, len(data))
     freedom = power_law_degrees_of_freedom(slopes, factors, len(data))
     deviation = np.sqrt(variance)
     down, up = chi_square_bounds(freedom)

@@ -15,7 +15,7 @@ from schuler.curves.allan_family_confidence import (
     family_degrees_of_freedom,
     variance_bias,
 )
-from schuler.curves.confidence import chi_square_bounds, local_slope
+from schuler.curves.confidence import chi_square_bounds, local_slope, not_by_chance
 from schuler.curves.finite_signal import checked_rate, finite_samples
 from schuler.errors import InputError
 from schuler.types import FloatArray
@@ -61,6 +61,8 @@ def family_deviation(
         [_column(columns[:, j], factors, kind) for j in range(len(columns[0]))]
     )
     slopes = np.column_stack([local_slope(tau, v) for v in variance.T])
+    if not kind.startswith("modified"):
+        slopes = not_by_chance(slopes, factors, samples)
     freedom = family_degrees_of_freedom(kind, slopes, factors, samples)
     bias = variance_bias(kind, slopes, factors, samples)
     deviation = np.sqrt(variance)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.curves.finite_signal import checked_rate, finite_samples
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -17,7 +18,7 @@ _DEFAULT_FRACTION = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AutocorrelationCurve:
+class AutocorrelationCurve(ToDict):
     """Autocovariance of a signal, mean removed, against lag.
 
     Parameters
@@ -43,6 +44,11 @@ class AutocorrelationCurve:
         "constant" for a signal that does not vary.
     """
 
+    JSON = (
+        "lag_s=lag autocovariance correlation band_95=band robust_band_95=robust_band "
+        "rate_hz=rate samples kind flags"
+    )
+
     lag: FloatArray
     autocovariance: FloatArray
     correlation: FloatArray
@@ -63,21 +69,6 @@ class AutocorrelationCurve:
         """True where no more than one lag in ten is outside the robust band."""
         outside = np.abs(self.correlation[1:]) > self.robust_band[1:]
         return bool(outside.size and np.mean(outside) <= 0.1)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the curve as plain Python for JSON, None in place of NaN."""
-        constant = "constant" in self.flags
-        return {
-            "lag_s": self.lag.tolist(),
-            "autocovariance": self.autocovariance.tolist(),
-            "correlation": [None] * self.lag.size if constant else self.correlation.tolist(),
-            "band_95": self.band.tolist(),
-            "robust_band_95": [None] * self.lag.size if constant else self.robust_band.tolist(),
-            "rate_hz": self.rate,
-            "samples": self.samples,
-            "kind": self.kind,
-            "flags": list(self.flags),
-        }
 
 
 def autocorrelation(

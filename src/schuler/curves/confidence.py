@@ -44,6 +44,9 @@ def allan_covariance(
     return out
 
 
+_FEW_CLUSTERS = 50.0
+
+
 def power_law_degrees_of_freedom(
     slope: ArrayLike, factors: NDArray[np.int64], samples: int
 ) -> FloatArray:
@@ -92,6 +95,16 @@ def local_slope(tau: FloatArray, variance: FloatArray, decades: float = 0.5) -> 
         if spread > 0.0:
             slope[k] = float(np.sum(weight * dx * y[near])) / spread
     return slope
+
+
+def not_by_chance(slope: FloatArray, factors: NDArray[np.int64], samples: int) -> FloatArray:
+    """Slopes with those of long clusters held at that of white noise or above.
+
+    Few clusters scatter so much that the slope is steep by chance; quantisation, whose slope that
+    would be, has many times their degrees of freedom and never shows at such times.
+    """
+    few = factors > samples / _FEW_CLUSTERS
+    return np.where(few[:, None] if slope.ndim == 2 else few, np.maximum(slope, -1.0), slope)
 
 
 def chi_square_bounds(

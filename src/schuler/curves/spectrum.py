@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.curves.confidence import chi_square_bounds
 from schuler.curves.finite_signal import checked_rate, finite_samples
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 from schuler.types import FloatArray, IntArray
 
@@ -20,7 +20,7 @@ _STRAIGHT = 0.95
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpectrumCurve:
+class SpectrumCurve(ToDict):
     """Power spectral density against frequency.
 
     Parameters
@@ -50,6 +50,11 @@ class SpectrumCurve:
         noise, and its spectrum depends on the segment.
     """
 
+    JSON = (
+        "frequency_hz=frequency density lower_95=lower upper_95=upper degrees_of_freedom "
+        "onesided rate_hz=rate samples segment segments flags"
+    )
+
     frequency: FloatArray
     density: FloatArray
     lower: FloatArray
@@ -73,22 +78,6 @@ class SpectrumCurve:
     def two_sided(self) -> FloatArray:
         """Two-sided density S(f), that of N², B²/(2 pi f) and K²/(2 pi f)²."""
         return self.density / (2.0 if self.onesided else 1.0)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the curve as plain Python for JSON."""
-        return {
-            "frequency_hz": self.frequency.tolist(),
-            "density": self.density.tolist(),
-            "lower_95": self.lower.tolist(),
-            "upper_95": self.upper.tolist(),
-            "degrees_of_freedom": self.degrees_of_freedom.tolist(),
-            "onesided": self.onesided,
-            "rate_hz": self.rate,
-            "samples": self.samples,
-            "segment": self.segment,
-            "segments": self.segments,
-            "flags": list(self.flags),
-        }
 
 
 def power_spectral_density(

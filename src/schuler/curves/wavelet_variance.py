@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ from schuler.curves.robust import (
     median_scale,
     robust_variance,
 )
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
 from schuler.noise import Process
 from schuler.types import FloatArray
@@ -37,7 +38,7 @@ _WHITE = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WaveletVarianceCurve:
+class WaveletVarianceCurve(ToDict):
     """Haar wavelet variance against scale.
 
     Parameters
@@ -70,6 +71,11 @@ class WaveletVarianceCurve:
     outliers : float
         "samples": share of samples that count for nothing.
     """
+
+    JSON = (
+        "scale variance lower upper degrees_of_freedom rate samples robust efficiency "
+        "core_variance excess_variance outliers"
+    )
 
     scale: FloatArray
     variance: FloatArray
@@ -111,23 +117,6 @@ class WaveletVarianceCurve:
     def of(self, process: Process) -> FloatArray:
         """Wavelet variance of samples of a process at the scales."""
         return 0.5 * process.sampled_allan_variance(self.factors, 1.0 / self.rate)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, in SI."""
-        return {
-            "scale": self.scale.tolist(),
-            "variance": self.variance.tolist(),
-            "lower": self.lower.tolist(),
-            "upper": self.upper.tolist(),
-            "degrees_of_freedom": self.degrees_of_freedom.tolist(),
-            "rate": self.rate,
-            "samples": self.samples,
-            "robust": self.robust,
-            "efficiency": self.efficiency,
-            "core_variance": self.core_variance,
-            "excess_variance": self.excess_variance,
-            "outliers": self.outliers,
-        }
 
 
 def wavelet_variance(

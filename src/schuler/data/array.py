@@ -37,6 +37,8 @@ class ImuArray:
         Of the IMUs; "imu 1", "imu 2", ... if empty.
     history : tuple of str
         What was done to the data since the files, oldest first.
+    assumptions : tuple of str
+        What was taken for granted on reading the IMUs.
 
     Raises
     ------
@@ -51,6 +53,7 @@ class ImuArray:
     mounting: Mounting
     names: tuple[str, ...] = ()
     history: tuple[str, ...] = field(default=())
+    assumptions: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
         time = frozen(self.time, "IMU array time", (None,))
@@ -147,7 +150,8 @@ class ImuArray:
             for name, recording in zip(names, recordings, strict=True)
             for line in recording.history
         ]
-        return cls(time, gyro, accel, mounting, tuple(names), tuple(lines))
+        assumed = dict.fromkeys(line for r in recordings for line in r.assumptions)
+        return cls(time, gyro, accel, mounting, tuple(names), tuple(lines), tuple(assumed))
 
     @property
     def size(self) -> int:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.curves.allan import allan_deviation
 from schuler.curves.allan_curve import AllanCurve
+from schuler.data.to_dict import ToDict
 from schuler.denoising.wavelet import Denoised
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AllanEffect:
+class AllanEffect(ToDict):
     """Allan curves before and after, on the same cluster times.
 
     Parameters
@@ -29,6 +29,11 @@ class AllanEffect:
         5 * 2**level sample intervals in s: for longer ones it stays as it was to 3 %, N included
         (at 4 * 2**level white noise is still 3.6 % down).
     """
+
+    JSON = (
+        "tau_s=raw.tau raw=raw.deviation denoised=denoised.deviation ratio "
+        "attenuated_below_s=attenuated_below equal_above_s=equal_above findings"
+    )
 
     raw: AllanCurve
     denoised: AllanCurve
@@ -61,18 +66,6 @@ class AllanEffect:
                 "and bias instability are as before, keep N in the filter"
             )
         return tuple(found)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the curves as plain Python for JSON, None in place of NaN."""
-        return {
-            "tau_s": self.raw.tau.tolist(),
-            "raw": self.raw.deviation.tolist(),
-            "denoised": self.denoised.deviation.tolist(),
-            "ratio": [None if np.isnan(r) else float(r) for r in self.ratio],
-            "attenuated_below_s": self.attenuated_below,
-            "equal_above_s": self.equal_above,
-            "findings": list(self.findings()),
-        }
 
 
 def allan_effect(

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.curves.finite_signal import checked_rate, finite_samples
+from schuler.data.to_dict import ToDict
 from schuler.denoising.thresholds import noise_scale, stein_threshold, universal_threshold
 from schuler.errors import InputError
 from schuler.types import FloatArray
@@ -31,7 +32,7 @@ _MOTION = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Denoised:
+class Denoised(ToDict):
     """A de-noised record and how it was made.
 
     Parameters
@@ -63,6 +64,11 @@ class Denoised:
         then removes (use fewer levels, or scale "sln").
     """
 
+    JSON = (
+        "level thresholds noise_scales kept approximation_band wavelet mode threshold scale "
+        "details causal reach_samples=reach rate_hz=rate flags"
+    )
+
     signal: FloatArray
     level: int
     thresholds: FloatArray
@@ -83,28 +89,37 @@ class Denoised:
         """False: the transform looks ahead by `reach` samples."""
         return False
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything but the signal as plain Python for JSON; None for infinite."""
-        return {
-            "level": self.level,
-            "thresholds": [None if math.isinf(t) else float(t) for t in self.thresholds],
-            "noise_scales": self.noise_scales.tolist(),
-            "kept": self.kept.tolist(),
-            "approximation_band": list(self.approximation_band),
-            "wavelet": self.wavelet,
-            "mode": self.mode,
-            "threshold": self.threshold,
-            "scale": self.scale,
-            "details": self.details,
-            "causal": self.causal,
-            "reach_samples": self.reach,
-            "rate_hz": self.rate,
-            "flags": list(self.flags),
-        }
-
 
 def level_for_band(band: float, rate: float) -> int:
-    """Most levels whose approximation still holds everything up to a frequency."""
+    """Most levels of decomposition whose approximation still holds everything up to a frequency.
+
+    Parameters
+    ----------
+    band : float
+        Frequency, Hz.
+    rate : float
+        Samples a second, Hz.
+
+    Returns
+    -------
+    int
+        Level L with rate / 2^(L+1) not below `band`.
+
+    Raises
+    ------
+    InputError
+        A band that is not between zero and half the rate.
+
+    Notes
+    -----
+    Erratum E-003-8 of S003: 12.5 Hz at 200 Hz are three levels, not four.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.level_for_band(12.5, 200.0)
+    3
+    """
     rate = checked_rate(rate)
     if not (np.isfinite(band) and 0.0 < band <= 0.25 * rate):
         raise InputError(f"band is {band:g} Hz", expected=f"above 0, at most {0.25 * rate:g} Hz")

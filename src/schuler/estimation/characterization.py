@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from schuler.curves.allan import allan_deviation
 from schuler.data.imu import ImuRecording
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, SchulerError
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
 from schuler.estimation.ieee952 import classical_reading, ieee952_to_dict
-from schuler.estimation.joint_fit import fit_factors, identify_curve
 from schuler.estimation.record import spell_duration
 from schuler.noise import NoiseModel, Process
 from schuler.types import FloatArray
@@ -25,7 +25,7 @@ _NOTABLE_ROUNDING = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuCharacterization:
+class ImuCharacterization(ToDict):
     """The noise of every recorded channel.
 
     Parameters
@@ -44,6 +44,8 @@ class ImuCharacterization:
         Length in s.
     """
 
+    JSON = "recording=recording_name rate_hz=rate duration_s=duration channels findings"
+
     recording_name: str
     channels: dict[str, Identification]
     noise_model: NoiseModel
@@ -53,19 +55,11 @@ class ImuCharacterization:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON: SI, with standard errors."""
-        return {
-            "recording": self.recording_name,
-            "rate_hz": self.rate,
-            "duration_s": self.duration,
-            "channels": {c: found.to_dict() for c, found in self.channels.items()},
-            "ieee952": {
-                c: ieee952_to_dict(
-                    found.ieee952, classical_reading(found.curve, found.slopes, found.process)
-                )
-                for c, found in self.channels.items()
-            },
-            "findings": list(self.findings),
+        coefficients = {
+            c: ieee952_to_dict(one.ieee952, classical_reading(one.curve, one.slopes, one.process))
+            for c, one in self.channels.items()
         }
+        return ToDict.to_dict(self) | {"ieee952": coefficients}
 
 
 def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCharacterization:
@@ -90,18 +84,12 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
     """
     rate = imu.rate
     channels: dict[str, Identification] = {}
-    for data, sensor in ((imu.gyro, "gyro"), (imu.accel, "accel")):
-        names = [c for c in imu.channels if c.startswith(sensor)]
-        if not names:
-            continue
-        columns = ["xyz".index(c[-1]) for c in names]
-        values = data if len(columns) == 3 else data[:, columns]
-        curves = allan_deviation(values, rate, fit_factors(imu.size) / rate)
-        for j, name in enumerate(names):
-            try:
-                channels[name] = identify_curve(curves.column(j), model)
-            except SchulerError as error:
-                raise error.at(f"{imu.name}, {name}") from None
+    columns = {} if imu.temperature is None else {"temperature": imu.temperature}
+    for name in imu.channels:
+        try:
+            channels[name] = identify_signal(imu.channel(name), rate, model, columns)
+        except SchulerError as error:
+            raise error.at(f"{imu.name}, {name}") from None
     if not channels:
         raise EstimationError(f"recording '{imu.name}' has no channel", expected="at least one")
     return ImuCharacterization(
@@ -114,6 +102,7 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
             source=f"fit to the Allan deviation of {imu.name}, "
             f"{spell_duration(imu.duration)} at rest",
             limits={c: found.limits for c, found in channels.items()},
+            effects={c: found.effects for c, found in channels.items() if found.effects},
         ),
         findings=tuple(_findings(imu, channels)),
         rate=rate,
@@ -122,7 +111,7 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
 
 
 def _findings(imu: ImuRecording, channels: Mapping[str, Identification]) -> list[str]:
-    lines = [_record_length(imu, channels)]
+    lines = [*_flags(channels), _record_length(imu, channels)]
     lines += [text for c, found in channels.items() if (text := _crossing(c, found))]
     lines += [text for c, found in channels.items() if (text := _undecided(c, found))]
     lines += _not_seen(channels)
@@ -142,6 +131,12 @@ def _findings(imu: ImuRecording, channels: Mapping[str, Identification]) -> list
             f"{_join(late)}: clusters below {max(late.values()):.2g} s were left out of the fit: "
             f"neighbouring samples are correlated (a low-pass filter in the sensor) or hold lines "
             f"of vibration"
+        )
+    drifting = [c for c, f in channels.items() if "rate_ramp" in {p.kind for p in f.process.parts}]
+    if drifting and imu.temperature is None:
+        lines.append(
+            f"{_join(drifting)}: a steady drift was found, as a sensor shows that warms up: log "
+            f"its temperature beside it, or let it run for an hour first"
         )
     lines += _rounding(imu, channels)
     return lines
@@ -166,6 +161,15 @@ def _record_length(imu: ImuRecording, channels: Mapping[str, Identification]) ->
         f"{length} were recorded; the least certain parameter, {where}, is known to "
         f"{100.0 * error:.0f} %: 10 % would take about {spell_duration(verdict.wanted_duration)}"
     )
+
+
+def _flags(channels: Mapping[str, Identification]) -> list[str]:
+    """What was done to the signals, channels of the same flag together."""
+    said: dict[str, list[str]] = {}
+    for channel, found in channels.items():
+        for flag in found.flags:
+            said.setdefault(flag, []).append(channel)
+    return [f"{_join(names)}: {flag}" for flag, names in said.items()]
 
 
 def _crossing(channel: str, found: Identification) -> str | None:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.curves.autocorrelation import AutocorrelationCurve
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.noise import GaussMarkov, ProcessSum, WhiteNoise
@@ -29,7 +29,7 @@ _RULES = Rules(iterations=30, damping=1e-9, longest=0.7, ridge=1e-12, gain=(1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GaussMarkovCorrelation:
+class GaussMarkovCorrelation(ToDict):
     """White noise and one Gauss-Markov noise fitted to an autocovariance.
 
     Parameters
@@ -60,6 +60,12 @@ class GaussMarkovCorrelation:
         lags" (Tc is as long as the search reached), "white part not resolved".
     """
 
+    JSON = (
+        "sigma correlation_time_s=correlation_time white_variance standard_errors "
+        "relative_sampling_error=sampling_error misfit degrees_of_freedom p_value exponential "
+        "flags"
+    )
+
     sigma: float
     correlation_time: float
     white_variance: float
@@ -85,24 +91,38 @@ class GaussMarkovCorrelation:
             return ProcessSum((noise,))
         return WhiteNoise(math.sqrt(self.white_variance / self.rate)) + noise
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all of it but the lags as plain Python for JSON, in SI."""
-        return {
-            "sigma": self.sigma,
-            "correlation_time_s": self.correlation_time,
-            "white_variance": self.white_variance,
-            "standard_errors": dict(self.standard_errors),
-            "relative_sampling_error": self.sampling_error,
-            "misfit": self.misfit,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "p_value": self.p_value,
-            "exponential": self.exponential,
-            "flags": list(self.flags),
-        }
-
 
 def fit_gauss_markov(curve: AutocorrelationCurve) -> GaussMarkovCorrelation:
-    """Fit R(lag) = sigma² exp(-lag/Tc), with a white spike at lag 0, to an autocovariance."""
+    """Fit R(lag) = sigma² exp(-lag/Tc), with a white spike at lag 0, to an autocovariance.
+
+    Parameters
+    ----------
+    curve : AutocorrelationCurve
+        From `autocorrelation`.
+
+    Returns
+    -------
+    GaussMarkovCorrelation
+        sigma in u, correlation time in s with its sampling error sqrt(2 Tc/T), and the probability
+        that the shape is exponential.
+
+    Raises
+    ------
+    EstimationError
+        A correlation that does not decay within the curve.
+
+    Notes
+    -----
+    S003 Fig. 1, S004 (11).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise = schuler.GaussMarkov(1.0, 20.0).simulate(50_000, 0.2, np.random.default_rng(0))
+    >>> fit = schuler.fit_gauss_markov(schuler.autocorrelation(noise, 5.0, max_lag=100.0))
+    >>> 15.0 < fit.correlation_time < 25.0
+    True
+    """
     if curve.kind != "biased":
         raise InputError("an unbiased autocovariance", expected="kind='biased'")
     if curve.lag.size < 5:

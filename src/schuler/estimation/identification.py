@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from schuler.curves.allan_curve import AllanCurve
+from schuler.data.to_dict import ToDict, plain
+from schuler.estimation.disturbances.lines import Line
 from schuler.estimation.ieee952 import (
     Coefficient,
     classical_reading,
@@ -14,8 +16,10 @@ from schuler.estimation.ieee952 import (
     ieee952_to_dict,
 )
 from schuler.estimation.record import RecordVerdict
+from schuler.estimation.result import fitted_to_dict
 from schuler.estimation.slopes import SlopeReadings
 from schuler.noise import ProcessSum
+from schuler.noise.effects import Effect
 from schuler.types import FloatArray
 
 CLOSE = 6.0
@@ -55,7 +59,7 @@ class FitDiagnostics:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Identification:
+class Identification(ToDict):
     """The processes a signal is made of.
 
     Parameters
@@ -78,7 +82,13 @@ class Identification:
         Record length against need.
     flags : tuple of str
         What to know before use, in plain words; empty if nothing.
+    lines : tuple of Line
+        Lines of vibration that were taken out first.
+    effects : tuple of Effect
+        What follows a column beside the signal, taken out first.
     """
+
+    JSON = "upper_limits_95=limits slope_method=slopes record=verdict"
 
     process: ProcessSum
     standard_errors: dict[str, float]
@@ -89,6 +99,8 @@ class Identification:
     slopes: SlopeReadings
     verdict: RecordVerdict
     flags: tuple[str, ...] = field(default=(), kw_only=True)
+    lines: tuple[Line, ...] = field(default=(), kw_only=True)
+    effects: tuple[Effect, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> str:
@@ -115,31 +127,17 @@ class Identification:
         return {s: c - best for s, c in tried.items() if c - best < CLOSE and s != own}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the curve as plain Python for JSON, in SI."""
-        return {
-            "processes": [
-                {"kind": part.kind, "name": name, **part.parameters}
-                for name, part in zip(self.process.names, self.process.parts, strict=True)
-            ],
-            "parameters": {
-                key: {
-                    "value": value,
-                    "standard_error": self.standard_errors[key],
-                    "interval_95": list(self.intervals[key]),
-                }
-                for key, value in self.parameters.items()
-            },
-            "upper_limits_95": dict(self.limits),
-            "ieee952": ieee952_to_dict(
-                self.ieee952, classical_reading(self.curve, self.slopes, self.process)
-            ),
-            "misfit": {
-                "chi_square": self.diagnostics.chi_square,
-                "degrees_of_freedom": self.diagnostics.degrees_of_freedom,
-                "discrepancy": self.diagnostics.discrepancy,
-                "candidates": dict(self.diagnostics.candidates),
-            },
-            "slope_method": self.slopes.to_dict(),
-            "record": self.verdict.to_dict(),
-            **({"flags": list(self.flags)} if self.flags else {}),
+        """Return plain values for JSON, in SI."""
+        d = self.diagnostics
+        misfit = {
+            "chi_square": d.chi_square,
+            "degrees_of_freedom": d.degrees_of_freedom,
+            "discrepancy": d.discrepancy,
+            "candidates": d.candidates,
         }
+        named = fitted_to_dict(self.process, self.parameters, self.standard_errors, self.intervals)
+        more = {"flags": self.flags, "lines": self.lines}
+        reading = classical_reading(self.curve, self.slopes, self.process)
+        named |= {"ieee952": ieee952_to_dict(self.ieee952, reading)}
+        told = {"misfit": misfit} | {key: value for key, value in more.items() if value}
+        return ToDict.to_dict(self) | named | {key: plain(value) for key, value in told.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Literal, overload
 
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
 from schuler.estimation import series_methods, structure_methods
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
-from schuler.estimation.joint_fit import identify_signal
 from schuler.estimation.parts import checked_model
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.signals import checked_signal, outlier_flag
@@ -68,6 +68,7 @@ def identify(
     *,
     order: Order = ...,
     shortest: float | None = ...,
+    columns: Mapping[str, ArrayLike] | None = ...,
 ) -> Identification: ...
 @overload
 def identify(
@@ -78,6 +79,7 @@ def identify(
     method: str,
     order: Order = ...,
     shortest: float | None = ...,
+    columns: Mapping[str, ArrayLike] | None = ...,
 ) -> Identification | MethodIdentification: ...
 @overload
 def identify(
@@ -88,6 +90,7 @@ def identify(
     *,
     order: Order = ...,
     shortest: float | None = ...,
+    columns: Mapping[str, ArrayLike] | None = ...,
 ) -> Identification | MethodIdentification: ...
 def identify(
     signal: ArrayLike,
@@ -97,6 +100,7 @@ def identify(
     *,
     order: Order = None,
     shortest: float | None = None,
+    columns: Mapping[str, ArrayLike] | None = None,
 ) -> Identification | MethodIdentification:
     """Find the processes that a signal is made of, with standard errors.
 
@@ -119,6 +123,9 @@ def identify(
         Of "ar" and its relatives, "arma", "garch", "fos"; chosen where not given.
     shortest : float, optional
         Time in s below which "psd" and "ml" do not look.
+    columns : mapping of str to (n,) array_like, optional
+        Quantities beside the signal, such as {"temperature": celsius}: what follows them, their
+        squares or their rates beyond doubt is taken off first (method "allan" only).
 
     Returns
     -------
@@ -157,9 +164,11 @@ def identify(
     model = checked_model(model)
     if shortest is not None and not 0.0 < shortest < math.inf:
         raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
+    if columns and method != "allan":
+        raise InputError(f"columns for method '{method}'", expected="method 'allan'")
     values = checked_signal(signal, _SHORTEST_RECORD)
     if method == "allan":
-        found = identify_signal(values, float(rate), model)
+        found = identify_signal(values, float(rate), model, columns)
         outlier = outlier_flag(values - values.mean())
         return replace(found, flags=(outlier,)) if outlier else found
     if method in STRUCTURAL:

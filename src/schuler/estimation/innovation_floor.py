@@ -61,7 +61,35 @@ def _logarithmic_bias(degrees_of_freedom: ArrayLike) -> FloatArray:
 
 
 def innovation_variance_of_signal(signal: ArrayLike) -> float:
-    """Estimate the innovation variance of a record from its own averaged spectrum."""
+    """Estimate the innovation variance of a record from its own averaged spectrum.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at a constant rate, in u.
+
+    Returns
+    -------
+    float
+        u²: no predictor has a smaller one-step error on such data.
+
+    Raises
+    ------
+    InputError
+        Too short, or not finite.
+
+    Notes
+    -----
+    exp of the mean log spectrum, freed of the bias of the logarithm (Kolmogorov, Szegő; Davis and
+    Jones 1968).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> x = np.random.default_rng(0).normal(size=20_000)
+    >>> 0.95 < schuler.innovation_variance_of_signal(x) < 1.05
+    True
+    """
     from scipy.signal import welch
 
     series = prepare(signal, fewest=_FEWEST)

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.curves.allan import allan_deviation
 from schuler.curves.allan_curve import AllanCurve, default_factors
 from schuler.errors import EstimationError
 from schuler.estimation.curve_fit import (
@@ -27,7 +26,6 @@ from schuler.estimation.record import judge_record
 from schuler.estimation.selection import from_several_starts, rough_process, select_structure
 from schuler.estimation.slopes import slope_method
 from schuler.noise import Process
-from schuler.types import FloatArray
 
 _POINTS_PER_DECADE = 5.0
 _LONGEST_FRACTION = 3
@@ -43,13 +41,6 @@ def fit_factors(samples: int) -> NDArray[np.int64]:
     longest = max(samples // _LONGEST_FRACTION, 1)
     more = np.round(np.geomspace(usual[-1], longest, 8)).astype(np.int64)
     return np.unique(np.concatenate([usual, more]))
-
-
-def identify_signal(
-    values: FloatArray, rate: float, model: str | Process = "auto"
-) -> Identification:
-    """Find the processes of a signal by the joint fit of its Allan curve."""
-    return identify_curve(allan_deviation(values, rate, fit_factors(len(values)) / rate), model)
 
 
 def _check_length(samples: int) -> None:
@@ -78,7 +69,7 @@ def identify_curve(curve: AllanCurve, model: str | Process = "auto") -> Identifi
         standard_errors=found.errors,
         intervals=found.intervals,
         limits={**limits_of(fit, points, scatter), **found.limits},
-        curve=_usual_part(curve),
+        curve=usual_part(curve),
         diagnostics=FitDiagnostics(
             chi_square=fit.cost,
             degrees_of_freedom=points.tau.size - len(fit.names),
@@ -88,7 +79,7 @@ def identify_curve(curve: AllanCurve, model: str | Process = "auto") -> Identifi
             candidates=candidates,
             converged=fit.converged,
         ),
-        slopes=slope_method(_usual_part(curve)),
+        slopes=slope_method(usual_part(curve)),
         verdict=judge_record(fit.process, found.errors, curve.duration),
     )
 
@@ -169,7 +160,7 @@ def _discrepancy(fit: StructureFit, points: CurvePoints, scatter: Scatter) -> fl
     return math.sqrt(low * high)
 
 
-def _usual_part(curve: AllanCurve) -> AllanCurve:
+def usual_part(curve: AllanCurve) -> AllanCurve:
     """The curve up to a ninth of the record, beyond which it is too ragged to show."""
     keep = curve.factors <= max(1, curve.samples // 9)
     if keep.all():

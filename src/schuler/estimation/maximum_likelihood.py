@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
+from schuler.data.to_dict import plain
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.estimation.curve_fit import limits_of
-from schuler.estimation.gmwm.fit import fit_gmwm_curves, tail_ratio
+from schuler.estimation.disturbances.outliers import contamination
+from schuler.estimation.gmwm.fit import fit_gmwm_curves
 from schuler.estimation.gmwm.scatter import (
     misfit,
     pooled_points,
@@ -91,18 +93,11 @@ class LikelihoodIdentification(Identification):
     flags: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain Python for JSON, in SI."""
-        return {
-            **Identification.to_dict(self),
-            "method": "maximum likelihood",
-            "log_likelihood": self.log_likelihood,
-            "aic": self.aic,
-            "bic": self.bic,
-            "innovation_variance": self.innovation_variance,
-            "block": self.block,
-            "converged": self.diagnostics.converged,
-            "flags": list(self.flags),
-        }
+        """Return plain values for JSON, in SI."""
+        names = ("log_likelihood", "aic", "bic", "innovation_variance", "block", "flags")
+        more = {name: plain(getattr(self, name)) for name in names}
+        more |= {"method": "maximum likelihood", "converged": self.diagnostics.converged}
+        return Identification.to_dict(self) | more
 
 
 def fit_maximum_likelihood(
@@ -151,7 +146,7 @@ def fit_maximum_likelihood(
             f"signal has {values.size} samples", expected=f"at least {_SHORTEST_RECORD}"
         )
     curve = wavelet_variance(values, rate)
-    begin = fit_gmwm_curves([curve], _known(model), tail_ratio(values))
+    begin = fit_gmwm_curves([curve], _known(model), contamination(values).ratio)
     flags = [f for f in begin.flags if f.startswith("heavy tails")]
     line = RateRamp(0.0)
     if any(isinstance(p, RateRamp) for p in begin.process.parts):

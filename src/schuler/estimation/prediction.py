@@ -112,7 +112,45 @@ def compare_predictors(
     horizons: Sequence[int] = (1, 10, 100, 1000),
     max_order: int = 20,
 ) -> PredictorComparison:
-    """Compare predictors with the baselines that any of them must beat."""
+    """Compare predictors with the baselines that any of them must beat.
+
+    Parameters
+    ----------
+    train, held_out : (n,) array_like
+        Samples at a constant rate, in u.
+    rate : float
+        Samples a second, Hz.
+    process : Process, optional
+        The true or identified process; adds a Kalman predictor and its innovation variance.
+    models : mapping of str to ArFit or FosFit, optional
+        Further predictors by name.
+    horizons : sequence of int
+        Steps ahead.
+    max_order : int
+        Of the AR model that BIC chooses.
+
+    Returns
+    -------
+    PredictorComparison
+        Mean square errors by predictor and horizon, u², also over the innovation variance.
+
+    Raises
+    ------
+    InputError
+        Too little held out.
+
+    Notes
+    -----
+    A one-step error below the innovation variance is refused as a mistake (Kolmogorov, Szegő).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> x = np.random.default_rng(0).normal(size=4000)
+    >>> found = schuler.compare_predictors(x[:2000], x[2000:], rate=1.0, horizons=(1,))
+    >>> bool(found["zero"].mean_square_error[0] < found["last value"].mean_square_error[0])
+    True
+    """
     steps = tuple(int(h) for h in horizons)
     if not steps or min(steps) < 1:
         raise InputError(f"horizons {steps}", expected="1 or more steps")
@@ -148,7 +186,31 @@ def compare_predictors(
 def multi_step_ar(
     fit: ArFit, signal: ArrayLike, steps: Sequence[int], origins: ArrayLike
 ) -> FloatArray:
-    """Predict y(origin + h) by an autoregressive model."""
+    """Predict y(origin + h) by an autoregressive model.
+
+    Parameters
+    ----------
+    fit : ArFit
+        The model.
+    signal : (n,) array_like
+        Samples, in u.
+    steps : sequence of int
+        Steps h ahead, not decreasing.
+    origins : (m,) array_like of int
+        Samples up to which all is known.
+
+    Returns
+    -------
+    (m, len(steps)) ndarray
+        Predictions, in u.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> x = np.random.default_rng(0).normal(size=500)
+    >>> schuler.multi_step_ar(schuler.fit_ar(x, 2), x, [1, 5], [100, 200, 300]).shape
+    (3, 2)
+    """
     data = np.asarray(signal, dtype=np.float64) - fit.mean
     base, p = np.asarray(origins, dtype=np.int64), fit.order
     out = np.full((base.size, len(steps)), fit.mean)

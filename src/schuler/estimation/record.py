@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
+from schuler.data.to_dict import ToDict
 from schuler.noise import ProcessSum
 
 WANTED_ERROR = 0.10
@@ -35,7 +35,7 @@ class ParameterVerdict:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordVerdict:
+class RecordVerdict(ToDict):
     """The length of the record against what its parameters need.
 
     Parameters
@@ -59,10 +59,6 @@ class RecordVerdict:
     def enough(self) -> bool:
         """True when every parameter is known to 10 %."""
         return all(p.enough for p in self.parameters)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return nested dictionaries for JSON."""
-        return {**asdict(self), "parameters": [asdict(p) for p in self.parameters]}
 
 
 def judge_record(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from schuler.data.to_dict import ToDict, plain
 from schuler.estimation.ieee952 import Coefficient, ieee952_of, ieee952_to_dict
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
-from schuler.noise import Process
+from schuler.noise import Process, ProcessSum
 
 
 @runtime_checkable
@@ -53,7 +55,7 @@ class Fit(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MethodIdentification:
+class MethodIdentification(ToDict):
     """The result of any estimator in the words that all of them share.
 
     Parameters
@@ -80,6 +82,8 @@ class MethodIdentification:
         The estimator's own result, with all that is not common.
     """
 
+    JSON = "method no_process upper_limits_95=limits diagnostics converged flags fit"
+
     method: str
     process: Process | None
     no_process: str
@@ -97,22 +101,17 @@ class MethodIdentification:
         return ieee952_of(self.process, self.standard_errors, self.limits)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI; the estimator's own result under "fit"."""
-        return {
-            "method": self.method,
-            "processes": process_to_list(self.process),
-            "no_process": self.no_process,
-            "parameters": {
-                key: {"value": value, "standard_error": self.standard_errors.get(key)}
-                for key, value in self.parameters.items()
-            },
-            "upper_limits_95": dict(self.limits),
-            "ieee952": ieee952_to_dict(self.ieee952),
-            "diagnostics": None if self.diagnostics is None else self.diagnostics.to_dict(),
-            "converged": self.converged,
-            "flags": list(self.flags),
-            "fit": self.fit.to_dict(),
+        """Return plain values for JSON, in SI."""
+        parameters = {
+            key: {"value": value, "standard_error": self.standard_errors.get(key)}
+            for key, value in self.parameters.items()
         }
+        named = {
+            "processes": process_to_list(self.process),
+            "parameters": plain(parameters),
+            "ieee952": ieee952_to_dict(self.ieee952),
+        }
+        return ToDict.to_dict(self) | named
 
 
 def process_to_list(process: Process | None) -> list[dict[str, Any]]:
@@ -120,3 +119,26 @@ def process_to_list(process: Process | None) -> list[dict[str, Any]]:
     if process is None:
         return []
     return [{"kind": part.kind, **part.parameters} for part in process.components]
+
+
+def fitted_to_dict(
+    process: ProcessSum,
+    parameters: Mapping[str, float],
+    standard_errors: Mapping[str, float],
+    intervals: Mapping[str, tuple[float, float]],
+) -> dict[str, Any]:
+    """Return parts and parameters of a fitted sum as plain Python for JSON."""
+    return {
+        "processes": [
+            {"kind": part.kind, "name": name, **part.parameters}
+            for name, part in zip(process.names, process.parts, strict=True)
+        ],
+        "parameters": {
+            key: {
+                "value": value,
+                "standard_error": plain(standard_errors[key]),
+                "interval_95": plain(intervals[key]),
+            }
+            for key, value in parameters.items()
+        },
+    }

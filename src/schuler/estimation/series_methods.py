@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError, ModelError
 from schuler.estimation.arma.fit import ArmaFit
 from schuler.estimation.autoregressive.result import ArFit
@@ -32,7 +33,7 @@ CHOOSING_SAMPLES = 60_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArGarchFit:
+class ArGarchFit(ToDict):
     """An autoregressive model for the mean, GARCH for the variance of what it leaves.
 
     Parameters
@@ -53,10 +54,6 @@ class ArGarchFit:
     def volatility(self, signal: FloatArray) -> FloatArray:
         """Standard deviation of every sample given its past, in u; from sample p on."""
         return self.garch.volatility(self.ar.residuals(signal))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {"ar": self.ar.to_dict(), "garch": self.garch.to_dict()}
 
 
 def by_burg(

@@ -7,12 +7,13 @@ of white noise and random walk as bias instability; `identify` is the method to 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.curves.allan_curve import AllanCurve
+from schuler.data.to_dict import ToDict
 from schuler.noise.gauss_markov import FLICKER_LEVEL
 from schuler.types import FloatArray
 
@@ -21,7 +22,7 @@ _REACH = 0.125
 
 
 @dataclass(frozen=True, slots=True)
-class SlopeReading:
+class SlopeReading(ToDict):
     """One parameter read off a straight run.
 
     Parameters
@@ -40,13 +41,9 @@ class SlopeReading:
     stop: float
     relative_error: float
 
-    def to_dict(self) -> dict[str, float]:
-        """Return the fields."""
-        return asdict(self)
-
 
 @dataclass(frozen=True, slots=True)
-class SlopeReadings:
+class SlopeReadings(ToDict):
     """What the slope method finds; None where the curve has no such run.
 
     Parameters
@@ -63,18 +60,34 @@ class SlopeReadings:
     bias_instability: SlopeReading | None
     random_walk: SlopeReading | None
 
-    def to_dict(self) -> dict[str, dict[str, float] | None]:
-        """Return nested dictionaries for JSON."""
-        named = {
-            "white_noise": self.white_noise,
-            "bias_instability": self.bias_instability,
-            "random_walk": self.random_walk,
-        }
-        return {k: None if v is None else v.to_dict() for k, v in named.items()}
-
 
 def slope_method(curve: AllanCurve) -> SlopeReadings:
-    """Read N, B and K off the curve of one signal."""
+    """Read N, B and K off the Allan curve of one signal, as papers and datasheets do.
+
+    Parameters
+    ----------
+    curve : AllanCurve
+        From `allan_deviation`.
+
+    Returns
+    -------
+    SlopeReadings
+        Each with its value in SI, the times it was read between and its relative error; None where
+        the curve has no such part.
+
+    Notes
+    -----
+    S004 section 5.4. Where the slopes of white noise and random walk cross, what is read as bias
+    instability is none (erratum E-004-9); `identify` fits all parts together.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise = schuler.WhiteNoise(0.1).simulate(50_000, 0.01, np.random.default_rng(0))
+    >>> read = schuler.slope_method(schuler.allan_deviation(noise, 100.0))
+    >>> round(read.white_noise.value, 2)
+    0.1
+    """
     good = curve.deviation > 0.0
     tau, deviation = curve.tau[good], curve.deviation[good]
     if tau.size < 3:

@@ -8,8 +8,8 @@ import numpy as np
 
 from schuler.curves.allan import allan_deviation
 from schuler.errors import EstimationError, InputError, SchulerError
+from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
-from schuler.estimation.joint_fit import identify_signal
 from schuler.estimation.residuals.diagnostics import (
     ResidualDiagnostics,
     diagnose_residuals,

@@ -7,7 +7,6 @@ the epochs that were withheld, and with a true trajectory at every sample.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -61,8 +60,6 @@ class MechanizationResult:
         north, east and down.
     outages : OutageStatistics or None
         At the epochs that were withheld.
-    cpu_seconds : float
-        Of the run itself.
     """
 
     label: str
@@ -72,7 +69,6 @@ class MechanizationResult:
     largest: FloatArray
     claimed: FloatArray
     outages: OutageStatistics | None
-    cpu_seconds: float
 
     @property
     def solution(self) -> NavigationSolution:
@@ -136,13 +132,15 @@ class MechanizationComparison:
                 {
                     "label": r.label,
                     "mechanization": r.mechanization,
-                    "states": states_of(r.navigation),
+                    "states": r.navigation.states,
                     "rms": _plain(r.rms),
                     "largest": _plain(r.largest),
                     "claimed_sd": _plain(r.claimed),
                     "nis_over_degrees": r.solution.innovations.gnss.mean_nis,
                     "outages": None if r.outages is None else r.outages.to_dict(),
-                    "cpu_us_per_sample": 1e6 * r.cpu_seconds / r.solution.trajectory.size,
+                    "cpu_us_per_sample": 1e6
+                    * r.navigation.cpu_seconds
+                    / r.solution.trajectory.size,
                 }
                 for r in self.results
             ],
@@ -163,7 +161,67 @@ def compare_mechanizations(
     outages: Sequence[Window] = (),
     progress: Progress | None = None,
 ) -> MechanizationComparison:
-    """Run several mechanizations on one array and judge them alike."""
+    """Run several mechanizations on one array and judge them alike.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Of k IMUs.
+    gnss : GnssRecording
+        Of one antenna.
+    noise_models : NoiseModel or sequence of NoiseModel, optional
+        Of all IMUs, or of each.
+    settings : NavigationSettings, optional
+        Lever arm, heading, mounting, time offsets, tuning, aiding and the rest of a run.
+    mechanizations : sequence of str
+        "single", "synthetic", "extended", "constrained", "system".
+    parity : bool
+        Whether the extended filter measures differences between the sensors.
+    rigid : RigidBody, optional
+        How stiff the body of the constrained filter is.
+    truth : Trajectory, optional
+        Against which errors are taken.
+    judged : (start, stop), optional
+        Time over which, s.
+    outages : sequence of (start, seconds)
+        GNSS is taken away there, s after its first epoch.
+    progress : callable, optional
+        Is told what is being run.
+
+    Returns
+    -------
+    MechanizationComparison
+        Root mean square and largest errors north, east, down (m), of velocity (m/s) and of roll,
+        pitch, heading (rad), for each run.
+
+    Raises
+    ------
+    InputError
+        Neither truth nor outages to judge by, or recordings that do not overlap.
+
+    Notes
+    -----
+    S002 section III and S000 Figs. 1 to 3.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> ride = schuler.motorcycle(120.0)
+    >>> gyro = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(1e-3, 100.0)
+    >>> accel = schuler.WhiteNoise(1e-2) + schuler.GaussMarkov(0.02, 100.0)
+    >>> noise, place = schuler.NoiseModel.isotropic(gyro, accel), schuler.Mounting.aligned(2)
+    >>> rng = np.random.default_rng(0)
+    >>> two = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(two, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
+    >>> truth = ride.trajectory(np.arange(90.0, 110.0, 0.1))
+    >>> found = schuler.compare_mechanizations(
+    ...     array, gnss, noise, mechanizations=("single", "synthetic"), truth=truth,
+    ...     judged=(90.0, 110.0), settings=schuler.NavigationSettings(time_offset=0.0),
+    ... )
+    >>> found.average("synthetic").shape
+    (9,)
+    """
     if not mechanizations:
         raise InputError("no mechanization to compare", expected=", ".join(MECHANIZATIONS))
     told = settings or NavigationSettings()
@@ -178,9 +236,7 @@ def compare_mechanizations(
         name, imu = case
         label = f"{prepared.array.names[imu]} alone" if name == "single" else str(name)
         say(f"filtering: {label}")
-        begin = time.thread_time()
         navigation = run_mechanization(prepared, used, name, parity=parity, imu=imu, rigid=rigid)
-        cpu = time.thread_time() - begin
         rms, largest, claimed = _errors(navigation.solution, truth, judged)
         windows = tuple(
             judge_window(
@@ -194,7 +250,7 @@ def compare_mechanizations(
             for window in outages
         )
         statistics = OutageStatistics(windows) if windows else None
-        return MechanizationResult(label, name, navigation, rms, largest, claimed, statistics, cpu)
+        return MechanizationResult(label, name, navigation, rms, largest, claimed, statistics)
 
     cases = [
         (name, imu)
@@ -203,13 +259,6 @@ def compare_mechanizations(
     ]
     results = in_threads(one, cases)
     return MechanizationComparison(tuple(results), prepared, tuple(outages), judged)
-
-
-def states_of(navigation: ArrayNavigation) -> int:
-    """Return the number of states of the filter of a mechanization."""
-    if navigation.stack is not None:
-        return int(navigation.stack.covariance.shape[0])
-    return 9 + (0 if navigation.model is None else navigation.model.size)
 
 
 def sensor_biases(navigation: ArrayNavigation) -> tuple[FloatArray, FloatArray]:
@@ -230,13 +279,66 @@ def sensor_biases(navigation: ArrayNavigation) -> tuple[FloatArray, FloatArray]:
                     at = 6 * i + c
                     value[at] = np.nan_to_num(value[at]) + solution.sensor_errors[-1, j]
                     square[at] = np.nan_to_num(square[at]) + solution.sensor_errors_sd[-1, j] ** 2
+    if navigation.mechanization in ("single", "system"):
+        # an IMU by itself is filtered in the axes of the body
+        turn = array.mounting.rotation
+        value, square = _in_own_axes(value, turn), _in_own_axes(square, turn**2)
     return value, np.sqrt(square)
+
+
+def _in_own_axes(values: FloatArray, turn: FloatArray) -> FloatArray:
+    """Triads (6 k,) in the axes of the body, turned into those of each IMU; NaN where empty."""
+    triads = values.reshape(-1, 2, 3)
+    own = np.einsum("kba,ktb->kta", turn, np.nan_to_num(triads))
+    own[np.isnan(triads).all(axis=2)] = np.nan
+    flat: FloatArray = own.ravel()
+    return flat
 
 
 def bias_correlation(
     prepared: PreparedArray, gnss: GnssRecording, *, parity: bool
 ) -> tuple[tuple[str, ...], FloatArray]:
-    """Return the correlation of all states of the extended filter at the end. S002, Fig 17."""
+    """Return the correlation of all states of the extended filter at the end.
+
+    Parameters
+    ----------
+    prepared : PreparedArray
+        Of a `MechanizationComparison`.
+    gnss : GnssRecording
+        The one it was prepared with.
+    parity : bool
+        Whether differences between the sensors are measured.
+
+    Returns
+    -------
+    names : tuple of str
+        Of all states, navigation first.
+    correlation : (s, s) ndarray
+        In the same order.
+
+    Notes
+    -----
+    S002 Fig. 17; for n equal sensors the biases correlate as -(h_i·h_j)/(n - 1).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> ride = schuler.motorcycle(120.0)
+    >>> gyro = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(1e-3, 100.0)
+    >>> accel = schuler.WhiteNoise(1e-2) + schuler.GaussMarkov(0.02, 100.0)
+    >>> noise, place = schuler.NoiseModel.isotropic(gyro, accel), schuler.Mounting.aligned(2)
+    >>> rng = np.random.default_rng(0)
+    >>> two = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(two, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
+    >>> found = schuler.compare_mechanizations(
+    ...     array, gnss, noise, mechanizations=("extended",), outages=[(100.0, 5.0)],
+    ...     settings=schuler.NavigationSettings(time_offset=0.0),
+    ... )
+    >>> names, correlation = schuler.bias_correlation(found.prepared, gnss, parity=False)
+    >>> correlation.shape[0] == len(names)
+    True
+    """
     setup, imu = prepared.extended_setup(parity=parity), prepared.recording
     run = run_engine(
         imu,
@@ -254,7 +356,41 @@ def bias_correlation(
 
 
 def trajectory_errors(solution: NavigationSolution, truth: Trajectory) -> FloatArray:
-    """Return the errors of a solution at the stamps of the truth."""
+    """Return the errors of a solution at the stamps of the truth.
+
+    Parameters
+    ----------
+    solution : NavigationSolution
+        Of any filter.
+    truth : Trajectory
+        Known motion.
+
+    Returns
+    -------
+    (n, 9) ndarray
+        North, east, down in m; the same of velocity in m/s; roll, pitch, heading in rad.
+
+    Raises
+    ------
+    InputError
+        Truth outside the solution.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> ride = schuler.motorcycle(120.0)
+    >>> gyro = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(1e-3, 100.0)
+    >>> accel = schuler.WhiteNoise(1e-2) + schuler.GaussMarkov(0.02, 100.0)
+    >>> noise, place = schuler.NoiseModel.isotropic(gyro, accel), schuler.Mounting.aligned(2)
+    >>> rng = np.random.default_rng(0)
+    >>> two = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(two, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
+    >>> found = schuler.navigate_array(array, gnss, noise, time_offset=0.0)
+    >>> truth = ride.trajectory(np.arange(90.0, 110.0, 0.1))
+    >>> schuler.trajectory_errors(found.solution, truth).shape
+    (200, 9)
+    """
     path = solution.trajectory
     inside = (truth.time >= path.time[0]) & (truth.time <= path.time[-1])
     if not inside.any():

@@ -106,7 +106,39 @@ def outage_twin(
     turn_on_accel: float = 0.0,
     turn_on_gyro: float = 0.0,
 ) -> OutageTwin:
-    """Prepare a twin."""
+    """Prepare a drive with known truth that is driven again and again with new noise.
+
+    Parameters
+    ----------
+    profile : Profile
+        True motion.
+    noise : NoiseModel
+        True errors of the sensor, turn-on biases included.
+    windows : sequence of (start, seconds)
+        Outages, s after the first fix.
+    rate : float
+        Samples a second, Hz.
+    turn_on_accel, turn_on_gyro : float
+        What the filters are told of the turn-on biases, m/s² and rad/s.
+
+    Returns
+    -------
+    OutageTwin
+        With what a sensor without errors records.
+
+    Notes
+    -----
+    What S004 could not do: seven outages of one IMU cannot tell which error model is better
+    (erratum E-004-15).
+
+    Examples
+    --------
+    >>> import schuler
+    >>> drive = schuler.motorcycle(120.0)
+    >>> noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(1e-3), schuler.WhiteNoise(1e-2))
+    >>> schuler.outage_twin(drive, noise, [(90.0, 10.0)]).windows
+    ((90.0, 10.0),)
+    """
     return OutageTwin(
         profile=profile,
         ideal=ideal_imu(profile, rate),
@@ -117,8 +149,30 @@ def outage_twin(
     )
 
 
-def draw(twin: OutageTwin, rng: np.random.Generator) -> TwinDraw:
-    """Draw the errors of sensor, receiver and alignment."""
+def draw_outage_twin(twin: OutageTwin, rng: np.random.Generator) -> TwinDraw:
+    """Draw the errors of sensor, receiver and alignment of one repetition.
+
+    Parameters
+    ----------
+    twin : OutageTwin
+        The drive.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    TwinDraw
+        Recordings with errors, and how the filter starts.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> drive = schuler.motorcycle(120.0)
+    >>> noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(1e-3), schuler.WhiteNoise(1e-2))
+    >>> twin = schuler.outage_twin(drive, noise, [(90.0, 10.0)])
+    >>> schuler.draw_outage_twin(twin, np.random.default_rng(0)).imu.gyro.shape[1]
+    3
+    """
     sensor, receiver, start = rng.spawn(3)
     gnss = simulate_gnss(
         twin.profile,
@@ -151,7 +205,46 @@ def run_outages(
     drawn: TwinDraw,
     tracks: list[dict[str, FloatArray]] | None = None,
 ) -> dict[str, tuple[OutageStatistics, float]]:
-    """Run every error model through the outages of one draw."""
+    """Run every error model through the outages of one draw.
+
+    Parameters
+    ----------
+    twin : OutageTwin
+        The drive.
+    models : sequence of ErrorModel
+        With names of their own.
+    drawn : TwinDraw
+        One repetition.
+    tracks : list, optional
+        Receives for each outage a dict of tracks (n, 2) east and north in m, by model; "reference"
+        is the truth.
+
+    Returns
+    -------
+    dict of str to (OutageStatistics, float)
+        By model: errors in the outages, and the mean NIS per degree of freedom.
+
+    Raises
+    ------
+    InputError
+        Two models of one name.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> drive = schuler.motorcycle(120.0)
+    >>> white = schuler.WhiteNoise(1e-3)
+    >>> twin = schuler.outage_twin(
+    ...     drive, schuler.NoiseModel.isotropic(white, white), [(90.0, 10.0)]
+    ... )
+    >>> reading = schuler.AllanReading(1e-3, 1e-5, 100.0, 1e-6)
+    >>> channels = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+    >>> model = schuler.error_model("18AV", {c: reading for c in channels})
+    >>> drawn = schuler.draw_outage_twin(twin, np.random.default_rng(0))
+    >>> errors, _ = schuler.run_outages(twin, [model], drawn)["18AV"]
+    >>> len(errors.windows)
+    1
+    """
     check_models(models)
     truth = twin.truth
     found: dict[str, tuple[OutageStatistics, float]] = {}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from schuler.data import GnssRecording, NavigationSolution
+from schuler.data.to_dict import ToDict
 from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.evaluation.floor import white_noise_floor
@@ -28,7 +29,7 @@ LONGEST_STEP = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutageWindow:
+class OutageWindow(ToDict):
     """One outage, judged at every epoch that was withheld.
 
     Parameters
@@ -51,6 +52,11 @@ class OutageWindow:
     floor : (k,) ndarray or None
         What white noise alone does, see `white_noise_floor`, m; None: not asked for.
     """
+
+    JSON = (
+        "start_s duration_s max_m mean_m rms_m end_m claimed_sd_m end_claimed_sd_m "
+        "white_noise_floor_m=floor_m within_2_sigma"
+    )
 
     start_s: float
     duration_s: float
@@ -88,24 +94,9 @@ class OutageWindow:
         """White-noise floor at the last withheld epoch, m."""
         return None if self.floor is None else float(self.floor[-1])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-        return {
-            "start_s": self.start_s,
-            "duration_s": self.duration_s,
-            "max_m": self.max_m,
-            "mean_m": self.mean_m,
-            "rms_m": self.rms_m,
-            "end_m": self.end_m,
-            "claimed_sd_m": self.claimed_sd_m,
-            "end_claimed_sd_m": self.end_claimed_sd_m,
-            "white_noise_floor_m": self.floor_m,
-            "within_2_sigma": self.within_2_sigma,
-        }
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutageStatistics:
+class OutageStatistics(ToDict):
     """All windows of one kind of solution.
 
     Parameters
@@ -113,6 +104,11 @@ class OutageStatistics:
     windows : tuple of OutageWindow
         In order of time.
     """
+
+    JSON = (
+        "mean_of_max_m median_of_max_m worst_m mean_m rms_m end_rms_m claimed_over_real "
+        "white_noise_floor_m=floor_m within_2_sigma windows"
+    )
 
     windows: tuple[OutageWindow, ...]
 
@@ -170,21 +166,9 @@ class OutageStatistics:
         return float(np.sqrt(np.mean(np.square(floors)))) if floors else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-        return {
-            "mean_of_max_m": self.mean_of_max_m,
-            "median_of_max_m": self.median_of_max_m,
-            "worst_m": self.worst_m,
-            "mean_m": self.mean_m,
-            "rms_m": self.rms_m,
-            "cep50_m": self.circular_error_m(0.5),
-            "cep95_m": self.circular_error_m(0.95),
-            "end_rms_m": self.end_rms_m,
-            "claimed_over_real": self.claimed_over_real,
-            "white_noise_floor_m": self.floor_m,
-            "within_2_sigma": self.within_2_sigma,
-            "windows": [w.to_dict() for w in self.windows],
-        }
+        """Return plain values for JSON, in SI."""
+        radius = {f"cep{k}_m": self.circular_error_m(k / 100.0) for k in (50, 95)}
+        return ToDict.to_dict(self) | radius
 
 
 def sweep_windows(
@@ -229,7 +213,56 @@ def judge_window(
     sd_factor: float,
     white_density: FloatArray | None = None,
 ) -> OutageWindow:
-    """Compare a solution with the GNSS positions of one window."""
+    """Compare a solution with the GNSS positions of one window.
+
+    Parameters
+    ----------
+    solution : NavigationSolution
+        That went without GNSS through the window.
+    gnss : GnssRecording
+        What was withheld; its own standard deviations count.
+    window : (start, seconds)
+        After the first epoch of `gnss`, s.
+    lever_arm : (3,) ndarray
+        Of the antenna in the body, m.
+    time_offset : float
+        Of GNSS, s.
+    sd_factor : float
+        On the standard deviations of GNSS.
+    white_density : (6,) ndarray, optional
+        Of accelerometers and gyros in the filter; gives the floor of white noise.
+
+    Returns
+    -------
+    OutageWindow
+        Errors and claimed standard deviations, m.
+
+    Raises
+    ------
+    InputError
+        No epoch inside the window.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> ride = schuler.motorcycle(120.0)
+    >>> gyro = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(1e-3, 100.0)
+    >>> accel = schuler.WhiteNoise(1e-2) + schuler.GaussMarkov(0.02, 100.0)
+    >>> noise, place = schuler.NoiseModel.isotropic(gyro, accel), schuler.Mounting.aligned(2)
+    >>> rng = np.random.default_rng(0)
+    >>> two = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(two, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
+    >>> found = schuler.navigate_array(
+    ...     array, gnss, noise, outages=[(100.0, 5.0)], time_offset=0.0
+    ... )
+    >>> judged = schuler.judge_window(
+    ...     found.solution, gnss, (100.0, 5.0), lever_arm=np.zeros(3), time_offset=0.0,
+    ...     sd_factor=1.0,
+    ... )
+    >>> judged.max_m < 50.0
+    True
+    """
     start, seconds = window
     since = gnss.time - gnss.time[0]
     path = solution.trajectory

@@ -7,19 +7,19 @@ of the ratios and the ratio of the sums answer different questions.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 
 PERCENTAGES = "mean of ratios: mean over the cases of 1 - a/b; ratio of sums: 1 - sum(a)/sum(b)"
 
 
 @dataclass(frozen=True, slots=True)
-class PairedStatistics:
+class PairedStatistics(ToDict):
     """Errors of method a against those of method b on the same cases.
 
     Parameters
@@ -43,6 +43,8 @@ class PairedStatistics:
         By how much a is better than b, as shares: see `PERCENTAGES`.
     """
 
+    JSON = "* standard_errors_apart"
+
     cases: int
     mean_a: float
     mean_b: float
@@ -60,17 +62,36 @@ class PairedStatistics:
         """The difference in units of its standard error."""
         return self.difference / self.standard_error if self.standard_error > 0.0 else math.nan
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON; None where there is no number."""
-        values = asdict(self) | {"standard_errors_apart": self.standard_errors_apart}
-        return {
-            k: None if isinstance(v, float) and not math.isfinite(v) else v
-            for k, v in values.items()
-        }
-
 
 def paired_statistics(a: ArrayLike, b: ArrayLike) -> PairedStatistics:
-    """Compare two methods on the same cases."""
+    """Compare two methods on the same cases.
+
+    Parameters
+    ----------
+    a, b : (n,) array_like
+        Errors of both, in one unit.
+
+    Returns
+    -------
+    PairedStatistics
+        Mean difference with its standard error, wins, sign test, Wilcoxon's signed ranks, and the
+        gain of a over b by both rules of percentages.
+
+    Raises
+    ------
+    InputError
+        Lengths that differ.
+
+    Notes
+    -----
+    Erratum E-004-17 of S004: it mixes the mean of ratios with the ratio of sums.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.paired_statistics([1.0, 2.0, 3.0], [2.0, 3.0, 4.0]).wins
+    3
+    """
     from scipy.stats import binomtest, wilcoxon
 
     one, two = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)

@@ -17,20 +17,98 @@ GRAVITY = 9.81
 
 
 def position_error_of_accel_bias(bias: float, time: float) -> float:
-    """Position error of a constant accelerometer error on a flat earth, b t²/2."""
+    """Position error of a constant accelerometer error on a flat earth, b t²/2.
+
+    Parameters
+    ----------
+    bias : float
+        m/s².
+    time : float
+        Seconds.
+
+    Returns
+    -------
+    float
+        m.
+
+    Notes
+    -----
+    The position columns of S003 Tables 1 and 2; beyond some minutes Schuler's pendulum bounds it,
+    see `schuler_factor`.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(schuler.position_error_of_accel_bias(1.0, 10.0), 3)
+    50.0
+    """
     return 0.5 * bias * _passed(time) ** 2
 
 
 def position_error_of_gyro_bias(bias: float, time: float, gravity: float = GRAVITY) -> float:
-    """Position error of a constant gyro error on a flat earth, g b t³/6."""
+    """Position error of a constant gyro error on a flat earth, g b t³/6.
+
+    Parameters
+    ----------
+    bias : float
+        rad/s.
+    time : float
+        Seconds.
+    gravity : float
+        m/s².
+
+    Returns
+    -------
+    float
+        m.
+
+    Notes
+    -----
+    The position columns of S003 Tables 1 and 2; beyond some minutes Schuler's pendulum bounds it,
+    see `schuler_factor`.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(schuler.position_error_of_gyro_bias(1e-3, 10.0), 3)
+    1.635
+    """
     return gravity * bias * _passed(time) ** 3 / 6.0
 
 
 def schuler_factor(sensor: str, time: float, gravity: float = GRAVITY) -> float:
     """Share of the flat-earth law that is left when the level platform swings back.
 
-    For an accelerometer 2 (1 - cos x)/x², for a gyro 6 (x - sin x)/x³, with
-    x = t sqrt(g/R). Titterton and Weston, 2nd ed., table 12.1.
+    For an accelerometer 2 (1 - cos x)/x², for a gyro 6 (x - sin x)/x³, with x = t sqrt(g/R).
+
+    Parameters
+    ----------
+    sensor : {"accel", "gyro"}
+        Whose constant error.
+    time : float
+        Seconds.
+    gravity : float
+        m/s².
+
+    Returns
+    -------
+    float
+        1 at the start, 0.125 (accel) and 0.37 (gyro) after an hour.
+
+    Raises
+    ------
+    InputError
+        Another sensor.
+
+    Notes
+    -----
+    Titterton and Weston, 2nd ed., table 12.1.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(schuler.schuler_factor("accel", 3600.0), 3)
+    0.125
     """
     x = _passed(time) * math.sqrt(gravity / SEMI_MAJOR_AXIS)
     if sensor not in ("accel", "gyro"):
@@ -43,7 +121,32 @@ def schuler_factor(sensor: str, time: float, gravity: float = GRAVITY) -> float:
 
 
 def position_sd_of_white_acceleration(sample_sd: float, interval: float, time: float) -> float:
-    """Standard deviation of position from white acceleration errors, sd sqrt(dt t³/3)."""
+    """Standard deviation of position from white acceleration errors, sd sqrt(dt t³/3).
+
+    Parameters
+    ----------
+    sample_sd : float
+        Of one sample, m/s².
+    interval : float
+        Between samples, s.
+    time : float
+        Seconds.
+
+    Returns
+    -------
+    float
+        m.
+
+    Notes
+    -----
+    What a one-step prediction error does to position; erratum E-003-5 of S003.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(schuler.position_sd_of_white_acceleration(5e-9**0.5, 0.005, 3600.0), 2)
+    0.62
+    """
     return sample_sd * math.sqrt(_passed(interval) * _passed(time) ** 3 / 3.0)
 
 

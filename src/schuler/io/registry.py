@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from functools import cache
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What
 from schuler.io.source import Source, existing_file
+from schuler.plugins import plugins
 
 GROUP = "schuler.formats"
 _READ = "schuler.io.formats."
@@ -49,27 +49,29 @@ def _readers() -> tuple[Format, ...]:
 
 @cache
 def _of_users() -> tuple[Format, ...]:
-    return tuple(f for point in sorted(entry_points(group=GROUP)) for f in _loaded(point))
+    return tuple(f for name, value in plugins(GROUP).items() for f in _loaded(name, value))
 
 
-def _loaded(point: EntryPoint) -> tuple[Format, ...]:
+def _loaded(name: str, value: str) -> tuple[Format, ...]:
     """Load the formats of an entry point; what is no `Format` is named."""
-    package = point.dist.name if point.dist is not None else point.value
-    who = f"format '{point.name}' of {package}"
+    module, _, attribute = value.partition(":")
+    who = f"format '{name}' of {value}"
     try:
-        given = point.load()
+        given = getattr(import_module(module.strip()), attribute.strip())
     except Exception as error:
         raise InputError(
             f"{who} cannot be loaded ({type(error).__name__}: {error})",
-            expected=f"'{point.value}' to name a schuler.io.Format",
-            cure=f"correct or uninstall {package}",
+            expected=f"'{value}' to name a schuler.io.Format",
+            cure="correct or uninstall the package of this format",
         ) from error
     found = given if isinstance(given, tuple) else (given,)
     for one in found:
         problem = _problem(one)
         if problem:
             raise InputError(
-                f"{who} {problem[0]}", expected=problem[1], cure=f"correct or uninstall {package}"
+                f"{who} {problem[0]}",
+                expected=problem[1],
+                cure="correct or uninstall the package of this format",
             )
     return found
 

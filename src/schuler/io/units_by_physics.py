@@ -113,7 +113,7 @@ def _refuse_rate(gyro: FloatArray, where: str) -> None:
     if largest < 35.0 and usual < 8.0:
         return
     whole = bool(np.all(gyro == np.round(gyro)))
-    unit = "LSB 131/(deg/s)" if whole else "mdps" if usual > 100.0 else "deg/s"
+    unit = "LSB 131/(deg/s)" if whole else "mdps" if largest > 4000.0 or usual > 100.0 else "deg/s"
     raise InputError(
         f"gyro names no unit, and rates of {usual:.3g} in the median and {largest:.3g} at most are "
         "too large for rad/s",

@@ -193,8 +193,8 @@ class FilterRun:
         kept = self.nodes.covariance.size > 0 or self.checkpoints is not None
         return kept and self.samples.position.size > 0
 
-    def stretches_back(self) -> Iterator[NodeStretch]:
-        """Yield all nodes with what the smoother needs, in stretches from the last to the first.
+    def stretches(self, *, back: bool = False) -> Iterator[NodeStretch]:
+        """Yield all nodes with what the smoother needs, in stretches, perhaps from the last back.
 
         Yields
         ------
@@ -204,7 +204,8 @@ class FilterRun:
         if self.checkpoints is None:
             yield NodeStretch(0, self.nodes.size, self.nodes, self.aiding)
             return
-        for p in range(len(self.checkpoints.memories) - 1, -1, -1):
+        parts = range(len(self.checkpoints.memories))
+        for p in reversed(parts) if back else parts:
             yield self.checkpoints.part(p, self.aiding)
 
 

@@ -88,7 +88,7 @@ class LaggedNodes:
         error[still] = 0.0
         position[still] = samples.position_covariance[still]
         sd[still, 3:6], sd[still, 6:9] = samples.velocity_sd[still], samples.attitude_sd[still]
-        return corrected_samples(samples, error, position, sd)
+        return corrected_samples(samples, error, position, sd[:, 3:6], sd[:, 6:9])
 
 
 def smooth_nodes_with_lag(
@@ -176,7 +176,7 @@ def smooth_run_with_lag(
     block = model.layout().block
     parts: list[LaggedNodes] = []
     later: list[NodeStretch] = []
-    for stretch in run.stretches_back():
+    for stretch in run.stretches(back=True):
         later = [stretch, *(s for s in later if s.first <= horizon[stretch.stop - 1])]
         own = horizon[stretch.first : stretch.stop]
         held = stretch if len(later) == 1 else _joined(later, int(own[-1]) + 1)

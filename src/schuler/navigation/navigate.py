@@ -20,6 +20,7 @@ from schuler.navigation.error_models.sensor_error_model import (
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.run import run
 from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
+from schuler.noise.effects import compensated
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -127,6 +128,8 @@ def navigate(
         No overlap, no heading, no mounting where it is needed, or a run that diverges.
     """
     check_smoothing(smooth)
+    if noise_model is not None:
+        imu = compensated(imu, noise_model.effects)
     settings = NavigationSettings(
         lever_arm=lever_arm,
         heading=heading,

@@ -10,6 +10,7 @@ import numpy as np
 
 from schuler import earth
 from schuler.data import GnssRecording, ImuRecording, Trajectory
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 from schuler.navigation.aiding.parity import parity_rows
 from schuler.navigation.engine import gate_thresholds, run_engine
@@ -33,7 +34,7 @@ MOST_DIFFERENT = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RunObservability:
+class RunObservability(ToDict):
     """What a run shows of the state of its filter.
 
     Parameters
@@ -49,6 +50,13 @@ class RunObservability:
     decay : (k, s) ndarray
         Standard deviations of the filter as shares of those at the start.
     """
+
+    JSON = (
+        "title rank=matrix.rank practical_rank=matrix.practical_rank "
+        "singular_values_relative=matrix.relative "
+        "information_over_prior=information.information directions_learnt=information.learnt "
+        "sentences"
+    )
 
     title: str
     matrix: Observability
@@ -76,22 +84,12 @@ class RunObservability:
         return tuple(told)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return {
-            "title": self.title,
-            "states": len(self.matrix.names),
-            "rank": self.matrix.rank,
-            "practical_rank": self.matrix.practical_rank,
-            "singular_values_relative": self.matrix.relative.tolist(),
-            "unseen_share": dict(
-                zip(self.matrix.names, self.matrix.unseen_share.tolist(), strict=True)
-            ),
-            "information_over_prior": self.information.information.tolist(),
-            "directions_learnt": self.information.learnt,
-            "final_share_of_initial_sd": dict(
-                zip(self.matrix.names, self.decay[-1].tolist(), strict=True)
-            ),
-            "sentences": list(self.sentences()),
+        """Return plain values for JSON, in SI."""
+        names = self.matrix.names
+        return ToDict.to_dict(self) | {
+            "states": len(names),
+            "unseen_share": dict(zip(names, self.matrix.unseen_share.tolist(), strict=True)),
+            "final_share_of_initial_sd": dict(zip(names, self.decay[-1].tolist(), strict=True)),
         }
 
 

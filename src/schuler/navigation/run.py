@@ -46,6 +46,8 @@ class NavigationRun:
         By the whole recording.
     setup : RunSetup
         Of all.
+    filter : FilterRun
+        What the filter left behind.
     lagged : NavigationSolution or None
         By measurements up to a fixed lag after each sample.
     """
@@ -53,6 +55,7 @@ class NavigationRun:
     causal: NavigationSolution
     smoothed: NavigationSolution | None
     setup: RunSetup
+    filter: FilterRun
     lagged: NavigationSolution | None = None
 
 
@@ -63,6 +66,7 @@ def run(
     *,
     smooth: bool = False,
     lag: float | None = None,
+    keep_nodes: bool = False,
     white_scale: FloatArray | None = None,
 ) -> NavigationRun:
     """Filter, and smooth, with everything known.
@@ -79,6 +83,8 @@ def run(
         Whether to smooth by the whole recording as well.
     lag : float or None
         Seconds of later measurements that a fixed-lag solution may use; None: no such solution.
+    keep_nodes : bool
+        Whether to keep what a smoother needs even if none is asked for.
     white_scale : (n, 6) ndarray or None
         See `run_engine`; None: as the setup found the noise to follow vibration.
 
@@ -103,7 +109,7 @@ def run(
         robustness=setup.measurements.weighting.array(),
         white_scale=scale,
         vehicle=setup.vehicle_states,
-        keep_nodes=smooth or lag is not None,
+        keep_nodes=keep_nodes or smooth or lag is not None,
         smoother_memory=setup.settings.smoother_memory,
     )
     innovations = _innovations(schedule, result)
@@ -121,7 +127,7 @@ def run(
     if lag is not None:
         back = smooth_run_with_lag(result, setup.model, imu.time, lag)
         lagged = smoothed_solution(back, {"smoothing": "fixed lag", "lag_s": lag})
-    return NavigationRun(causal=causal, smoothed=smoothed, setup=setup, lagged=lagged)
+    return NavigationRun(causal, smoothed, setup, result, lagged)
 
 
 def _with_wheel_speeds(

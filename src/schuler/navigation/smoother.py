@@ -72,7 +72,7 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
     for p in range(len(pieces) - 1, -1, -1):
         piece, begin = pieces[p], begins[p]
         smoothed = Smoothed(whole.error[begin:], whole.position[begin:], whole.variance[begin:])
-        for part in piece.stretches_back():
+        for part in piece.stretches(back=True):
             smooth_nodes(part.first, part.stop, part.nodes, part.aiding, block, adjoint, smoothed)
             own = np.arange(part.first, part.stop)
             fed_back[begin + own] = part.nodes.error[own % len(part.nodes.error), :9]
@@ -91,11 +91,17 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
 
     def between(values: FloatArray) -> FloatArray:
         weight = share if values.ndim == 2 else share[:, :, None]
-        mixed: FloatArray = values[before] * (1.0 - weight) + values[before + 1] * weight
+        mixed: FloatArray = values[before]
+        mixed *= 1.0 - weight
+        ahead = values[before + 1]
+        ahead *= weight
+        mixed += ahead
         return mixed
 
     return SmoothedRun(
-        samples=corrected_samples(run.samples, left, between(position), between(sd[:, :9])),
+        samples=corrected_samples(
+            run.samples, left, between(position), between(sd[:, 3:6]), between(sd[:, 6:9])
+        ),
         sensor_state=nodes.sensor_state + error[:, 9:],
         sensor_sd=sd[:, 9:],
     )
@@ -110,7 +116,11 @@ def _back_over_break(adjoint: FloatArray, information: FloatArray, sensor: Float
 
 
 def corrected_samples(
-    samples: SampleOutputs, error: FloatArray, position_covariance: FloatArray, sd: FloatArray
+    samples: SampleOutputs,
+    error: FloatArray,
+    position_covariance: FloatArray,
+    velocity_sd: FloatArray,
+    attitude_sd: FloatArray,
 ) -> SampleOutputs:
     """Take errors out of the filter's states.
 
@@ -122,7 +132,7 @@ def corrected_samples(
         Computed minus true, as estimated.
     position_covariance : (n, 3, 3) ndarray
         What is left of it in position.
-    sd : (n, 9) ndarray
+    velocity_sd, attitude_sd : (n, 3) ndarray
         Likewise, standard deviations.
 
     Returns
@@ -140,6 +150,6 @@ def corrected_samples(
         velocity=samples.velocity - error[:, 3:6],
         rotation=dcm_from_rotation_vector(error[:, 6:9]) @ samples.rotation,
         position_covariance=position_covariance,
-        velocity_sd=np.ascontiguousarray(sd[:, 3:6]),
-        attitude_sd=np.ascontiguousarray(sd[:, 6:9]),
+        velocity_sd=np.ascontiguousarray(velocity_sd),
+        attitude_sd=np.ascontiguousarray(attitude_sd),
     )

@@ -56,7 +56,6 @@ MEASUREMENTS_KEPT = 4096
 # at one time positions come first, then velocities, then all else
 OTHER_RANK = 2
 
-_NO_ARM = np.zeros(3)
 _NONE = np.full(3, -1, dtype=np.int64)
 
 
@@ -160,12 +159,17 @@ class _Samples:
 class _Rows:
     """Rows of `AIDING_ROW`, and the same bytes as real numbers, which are quicker to copy."""
 
-    __slots__ = ("bytes", "table", "value", "variance")
+    __slots__ = ("bytes", "first", "table", "value", "variance")
 
     def __init__(self, table: NDArray[np.void]) -> None:
         self.table = table
         self.bytes = table.view(np.float64).reshape(table.size, -1)
-        self.value, self.variance = table["value"], table["variance"]
+        # of the first row, where a fix is put together
+        self.first, self.value, self.variance = (
+            self.bytes[0],
+            table["value"][0],
+            table["variance"][0],
+        )
 
     def __reduce__(self) -> tuple[type[_Rows], tuple[NDArray[np.void]]]:
         return _Rows, (self.table,)
@@ -437,9 +441,10 @@ class NavigationFilter:
         """Make of a sample what else it tells: constraints, a bridge over a gap, its noise."""
         if self._constraints is not None:
             for when, kind, value, variance in self._constraints.rows(time, gyro, accel):
-                row = np.zeros(1, dtype=AIDING_ROW)
-                row[0] = (when, kind, OTHER_RANK, value, variance, _NO_ARM, _NONE, -1)
-                self._insert(row.view(np.float64), when, OTHER_RANK)
+                row = _Rows.blank(1)
+                row.table["time"], row.table["kind"], row.table["rank"] = when, kind, OTHER_RANK
+                row.value[0], row.variance[0] = value, variance
+                self._insert(row.bytes[0], when, OTHER_RANK)
         if self._gaps is not None and self._gaps.shortest < time - self._last < math.inf:
             self._bridge(time, gyro, accel, self._gaps)
         if white_scale is None and self._vibration is not None:
@@ -517,15 +522,15 @@ class NavigationFilter:
     def _fix(self, rank: int, time: float, value: ArrayLike, sd: ArrayLike, factor: float) -> bool:
         """Put what an antenna measured in its place: rank 0 a position, 1 a velocity."""
         row = self._antenna[rank]
-        row.value[0] = value
-        variance = row.variance[0]
+        row.value[:] = value
+        variance = row.variance
         np.multiply(sd, factor, out=variance)
         np.multiply(variance, variance, out=variance)
         if rank == POSITION and self._receiver.slow_share > 0.0:
             row.table["offset_scale"][0] = np.sqrt(self._receiver.slow_share * variance)
             np.multiply(variance, self._receiver.white_share, out=variance)
-        row.bytes[0, 0] = time
-        return self._insert(row.bytes[0], time, rank)
+        row.first[0] = time
+        return self._insert(row.first, time, rank)
 
     def add(self, measurements: AidingSchedule) -> bool:
         """Take any measurements: constraints of a vehicle, other sensors, models of one's own.
@@ -690,18 +695,18 @@ class NavigationFilter:
 
     def _run(self) -> None:
         """Take all samples that have come, with a snapshot now and then."""
-        first, count = self._samples.first, self._samples.count
-        while self._begun < count:
-            begun = self._begun
+        first, count, begun = self._samples.first, self._samples.count, self._begun
+        advance, filter_, known = self._stepper.advance, self._filter, self._known
+        while begun < count:
             stop = min(count, begun - begun % SNAPSHOT_EVERY + SNAPSHOT_EVERY)
-            bad = self._stepper.advance(self._filter, begun - first, stop - first, self._known)
+            bad = advance(filter_, begun - first, stop - first, known)
             if bad >= 0:
                 raise NavigationError(
                     f"the navigation state stopped being finite at {self._samples.time[bad]:.3f} s",
                     expected="a bounded trajectory",
                     cure="check units and axes of the IMU and the noise model",
                 )
-            self._begun = stop
+            self._begun = begun = stop
             if stop % SNAPSHOT_EVERY == 0:
                 self._snapshot()
 

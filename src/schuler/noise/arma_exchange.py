@@ -25,7 +25,34 @@ _SAME_POLE = 1e-9
 
 
 def arma_to_gauss_markov_sum(arma: ARMA) -> ProcessSum:
-    """Write an ARMA process as white noise + Gauss-Markov noises, where that is possible."""
+    """Write an ARMA process as white noise and Gauss-Markov noises, where that is possible.
+
+    Parameters
+    ----------
+    arma : ARMA
+        With distinct real poles between 0 and 1.
+
+    Returns
+    -------
+    ProcessSum
+        White noise and one Gauss-Markov noise for each pole: states of a navigation filter.
+
+    Raises
+    ------
+    ModelError
+        Poles that no Gauss-Markov noise has, or parts of negative variance.
+
+    Notes
+    -----
+    Partial fractions of the spectrum; Granger and Morris 1976.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> arma = schuler.ARMA((1.666, -0.671), (-1.086, 0.160), 1.0, 0.01)
+    >>> len(schuler.arma_to_gauss_markov_sum(arma).components)
+    3
+    """
     dt = arma.interval
     phi, theta = _trimmed(arma.phi), _trimmed(arma.theta)
     if theta.size > phi.size:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -10,6 +10,7 @@ from schuler.data.imu import CHANNELS
 from schuler.errors import ModelError, SchulerError
 from schuler.noise._checks import not_negative, positive
 from schuler.noise.base import Process, ProcessSum
+from schuler.noise.effects import Effect
 from schuler.noise.noise_model_file import Content, noise_model_text, read_noise_model
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ class NoiseModel:
     limits : mapping of str to mapping of str to float
         By channel and parameter: 95 % upper limits, in SI, of terms that were looked for and not
         found.
+    effects : mapping of str to sequence of Effect
+        By channel: what follows a quantity beside it, such as temperature; `navigate` and `fuse`
+        take it off a recording that has the column.
 
     Raises
     ------
@@ -48,9 +52,15 @@ class NoiseModel:
     rate: float | None = None
     source: str = ""
     limits: Numbers = field(default_factory=dict)
+    effects: Mapping[str, Sequence[Effect]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for channel in (*self.processes, *self.standard_errors, *self.limits):
+        for channel in (
+            *self.processes,
+            *self.standard_errors,
+            *self.limits,
+            *self.effects,
+        ):
             if channel not in CHANNELS:
                 raise ModelError(
                     f"noise model has a channel '{channel}'", expected=f"of {', '.join(CHANNELS)}"
@@ -68,6 +78,8 @@ class NoiseModel:
         if self.rate is not None:
             object.__setattr__(self, "rate", positive(self.rate, "rate"))
         object.__setattr__(self, "processes", sums)
+        own = {c: tuple(e) for c, e in self.effects.items() if e}
+        object.__setattr__(self, "effects", own)
         for name in ("standard_errors", "limits"):
             given: Numbers = getattr(self, name)
             copy = {c: dict(v) for c, v in given.items()}
@@ -152,6 +164,7 @@ class NoiseModel:
                 content.rate,
                 content.source,
                 content.limits,
+                content.effects,
             )
         except SchulerError as error:
             raise (error if error.where else error.at(str(path))) from None
@@ -183,5 +196,12 @@ class NoiseModel:
         str
             YAML with comments.
         """
-        content = Content(self.processes, self.standard_errors, self.rate, self.source, self.limits)
+        content = Content(
+            self.processes,
+            self.standard_errors,
+            self.rate,
+            self.source,
+            self.limits,
+            self.effects,
+        )
         return noise_model_text(content, units)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +11,7 @@ from typing import Any, Literal
 from schuler.data.imu import CHANNELS
 from schuler.errors import InputError, SchulerError
 from schuler.noise.base import Process, ProcessSum
+from schuler.noise.effects import TERMS, Effect
 from schuler.noise.parameter_names import class_and_number, parameter_kind
 from schuler.noise.registry import GROUP, check_answers, kinds, process_class
 from schuler.units import format_value, kind_of, parse
@@ -32,6 +33,7 @@ class Content:
     rate: float | None
     source: str
     limits: Mapping[str, Mapping[str, float]]
+    effects: Mapping[str, Sequence[Effect]]
 
 
 def noise_model_text(model: Content, units: Literal["datasheet", "si"]) -> str:
@@ -60,7 +62,44 @@ def noise_model_text(model: Content, units: Literal["datasheet", "si"]) -> str:
                 lines += [
                     f"    {key}: {_text(channel, key, v, {}, units)}" for key, v in limits.items()
                 ]
+    lines += _effects_text(model.effects)
     return "\n".join(lines) + "\n"
+
+
+def _effects_text(effects: Mapping[str, Sequence[Effect]]) -> list[str]:
+    if not any(effects.values()):
+        return []
+    lines = ["# What follows a quantity beside the channel, SI a kelvin (its square, its rate).",
+             "effects:"]  # fmt: skip
+    for channel, own in effects.items():
+        lines.append(f"  {channel}:")
+        lines += [
+            f"    - {{of: {e.column}, term: {e.term}, coefficient: "
+            f"{e.coefficient:.9g} +- {e.standard_error:.3g}, reference: {e.reference:.9g}}}"
+            for e in own
+        ]
+    return lines
+
+
+def _read_effects(content: Any, where: str) -> dict[str, tuple[Effect, ...]]:
+    found: dict[str, tuple[Effect, ...]] = {}
+    for channel, entries in _mapping(content or {}, where).items():
+        place = f"{where}.{channel}"
+        _channel(channel, place)
+        if not isinstance(entries, list):
+            raise InputError("no list of effects", expected="- {of: temperature, ...}", where=place)
+        own = []
+        for entry in entries:
+            values = _mapping(entry, place)
+            _only(values, {"of", "term", "coefficient", "reference"}, place)
+            term = str(values.get("term", "linear"))
+            if term not in TERMS:
+                raise InputError(f"term '{term}'", expected=f"of {', '.join(TERMS)}", where=place)
+            size, error = _number(values.get("coefficient"), None, f"{place}: coefficient")
+            reference, _ = _number(values.get("reference", 0.0), None, f"{place}: reference")
+            own.append(Effect(str(values.get("of")), term, size, error or 0.0, reference))
+        found[channel] = tuple(own)
+    return found
 
 
 def _part_text(
@@ -106,7 +145,7 @@ def read_noise_model(path: str | Path) -> Content:
     """Read a noise model from YAML."""
     where = str(path)
     content = _mapping(_parse_yaml(path), where)
-    _only(content, {"source", "rate", "channels", "excluded"}, where)
+    _only(content, {"source", "rate", "channels", "excluded", "effects"}, where)
     if "channels" not in content:
         raise InputError("key 'channels' is missing", expected="channels: gyro_x: ...", where=where)
     rate = content.get("rate")
@@ -130,6 +169,7 @@ def read_noise_model(path: str | Path) -> Content:
         rate=None if rate is None else _number(rate, "frequency", f"{where}: rate")[0],
         source=str(content.get("source") or ""),
         limits=limits,
+        effects=_read_effects(content.get("effects"), f"{where}: effects"),
     )
 
 

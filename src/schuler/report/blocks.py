@@ -169,7 +169,7 @@ class FigureGrid:
     kind: str = field(default="figures", init=False)
 
 
-Tone = Literal["good", "kind", "cannot", "wrong", "beyond", "failed"]
+Tone = Literal["good", "kind", "cannot", "wrong", "beyond", "failed", "plain"]
 """How a printed result fares when it is done again; it chooses the colour."""
 
 

@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 
 
@@ -33,7 +34,7 @@ class InputFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Provenance:
+class Provenance(ToDict):
     """What a result depends on.
 
     Parameters
@@ -61,18 +62,6 @@ class Provenance:
     inputs: tuple[InputFile, ...] = ()
     seeds: Mapping[str, int] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        return {
-            "version": self.version,
-            "python": self.python,
-            "created": self.created,
-            "command": self.command,
-            "inputs": [{"name": f.name, "size": f.size, "sha256": f.sha256} for f in self.inputs],
-            "seeds": dict(self.seeds),
-            "settings": dict(self.settings),
-        }
 
 
 def digest_file(path: str | Path) -> InputFile:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
+
+from schuler.data.to_dict import ToDict
 
 Severity = Literal["info", "warning", "error"]
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(ToDict):
     """One thing that was seen.
 
     Parameters
@@ -31,6 +33,8 @@ class Finding:
         What the user can do about it; empty where the message says all.
     """
 
+    JSON = "kind severity message channels intervals_s=intervals value cure"
+
     kind: str
     severity: Severity
     message: str
@@ -43,15 +47,3 @@ class Finding:
     def text(self) -> str:
         """Message and cure in one line."""
         return f"{self.message}; {self.cure}" if self.cure else self.message
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
-        return {
-            "kind": self.kind,
-            "severity": self.severity,
-            "message": self.message,
-            "channels": list(self.channels),
-            "intervals_s": [list(i) for i in self.intervals],
-            "value": self.value,
-            "cure": self.cure,
-        }

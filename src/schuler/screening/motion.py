@@ -15,6 +15,7 @@ from schuler.types import FloatArray
 _WINDOW = 1.0  # s over which rest is judged
 _CONTRAST = 8.0  # loud to quiet windows; below it a smooth ride looks like standing still
 _BLOCK = 10.0  # s over which a slowly moving bias may be taken as constant
+_BY_CHANCE = 1e-3  # knocks that outliers make by chance, per record
 _KNOCK = 8.0  # robust standard deviations
 _TAIL = 4.0
 _HEAVY = 5e-3  # share beyond _TAIL; a normal distribution has 6.3e-5
@@ -125,6 +126,10 @@ def look_for_knocks(
                 f"standard deviations ({scale:.3g} SI), evenly in time; use a robust estimate"
             )
             findings.append(Finding("heavy tails", "warning", text, (name,), value=tail))
+            dense = _too_dense(deviation > _KNOCK * scale, max(round(_PAD * rate), 2))
+            if dense.any():
+                worst[name] = float(deviation[dense].max()) / scale
+                np.maximum(score, np.where(dense, deviation / scale, 0.0), out=score)
             continue
         worst[name] = float(deviation.max()) / scale
         np.maximum(score, deviation / scale, out=score)
@@ -147,6 +152,24 @@ def _deviation(signal: FloatArray, block: int) -> FloatArray:
     np.abs(table - middle[:, np.newaxis], out=deviation[:whole].reshape(count, block))
     np.abs(signal[whole:] - middle[-1], out=deviation[whole:])
     return deviation
+
+
+def _too_dense(far: NDArray[np.bool_], window: int) -> NDArray[np.bool_]:
+    """Far samples that lie closer together than the rate of all others explains."""
+    from scipy.stats import binom
+
+    dense = np.zeros(far.size, dtype=bool)
+    for _ in range(5):
+        rest = far & ~dense
+        background = float(rest.mean())
+        most = int(binom.isf(_BY_CHANCE / far.size, window, max(background, 1e-9)))
+        running = np.cumsum(np.concatenate([[0], rest]))
+        crowded = running[window:] - running[:-window] > max(most, 2)
+        if not crowded.any():
+            break
+        spread = np.convolve(crowded, np.ones(window, dtype=int))[: far.size] > 0
+        dense |= far & spread
+    return dense
 
 
 def _spread_evenly(far: NDArray[np.bool_], block: int) -> bool:

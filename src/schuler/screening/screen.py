@@ -13,17 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 from schuler.screening import motion, rows, stuck, values
 from schuler.screening.finding import Finding
 
-__all__ = ["Finding", "Screening", "clean_segments", "longest_rest", "repair", "screen"]
+__all__ = [
+    "Finding",
+    "Screening",
+    "clean_segments",
+    "longest_rest",
+    "repair",
+    "repair_until_clean",
+    "screen",
+]
 
 _SHOWN = 5  # intervals named in a message
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Screening:
+class Screening(ToDict):
     """What was seen in a recording.
 
     Parameters
@@ -51,6 +60,11 @@ class Screening:
     rest : tuple of (float, float)
         Intervals in which the sensor stood still, s.
     """
+
+    JSON = (
+        "name samples=size duration_s=duration rate_hz=rate jitter_s=jitter static "
+        "disturbed_rows=disturbed rest_s=rest findings"
+    )
 
     name: str
     size: int
@@ -101,20 +115,9 @@ class Screening:
         return repair(imu, self, close_up=close_up)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON values, SI units."""
-        return {
-            "name": self.name,
-            "samples": self.size,
-            "duration_s": self.duration,
-            "rate_hz": self.rate,
-            "jitter_s": self.jitter,
-            "static": self.static,
-            "repeated_rows": int(self.repeated.sum()),
-            "gaps": len(self.gaps),
-            "disturbed_rows": [list(d) for d in self.disturbed],
-            "rest_s": [list(r) for r in self.rest],
-            "findings": [f.to_dict() for f in self.findings],
-        }
+        """Return plain values for JSON, in SI."""
+        counts = {"repeated_rows": int(self.repeated.sum()), "gaps": len(self.gaps)}
+        return ToDict.to_dict(self) | counts
 
 
 def screen(imu: ImuRecording) -> Screening:
@@ -235,6 +238,19 @@ def repair(imu: ImuRecording, screening: Screening, *, close_up: bool = False) -
         temperature=None if imu.temperature is None else imu.temperature[keep],
         history=tuple(history),
     )
+
+
+def repair_until_clean(imu: ImuRecording, screening: Screening, rounds: int = 5) -> ImuRecording:
+    """Repair and look again until nothing new is found: a knock may hide another."""
+    for _ in range(rounds):
+        mended = repair(imu, screening, close_up=True)
+        if mended is imu:
+            break
+        imu = mended
+        screening = screen(imu)
+        if not screening.disturbed and not screening.repeated.any():
+            break
+    return imu
 
 
 def longest_rest(imu: ImuRecording, screening: Screening) -> ImuRecording:

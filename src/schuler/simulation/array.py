@@ -39,7 +39,52 @@ def simulate_array(
     motion: ImuRecording | None = None,
     body: ArrayLike | None = None,
 ) -> tuple[ImuRecording, ...]:
-    """Return what several IMUs on one body record."""
+    """Return what several IMUs on one body record.
+
+    Parameters
+    ----------
+    profile : Profile
+        True motion of the body.
+    rotations : (k, 3, 3) array_like
+        Body from sensor.
+    positions : (k, 3) array_like
+        In the body, m.
+    noise_models : NoiseModel, sequence of NoiseModel or None, optional
+        Of all or of each; None: no noise.
+    rate : float
+        Samples a second, Hz.
+    rng : numpy.random.Generator
+        Source of randomness.
+    size_effect : bool
+        Accelerometers away from the origin feel its turning.
+    gyro_errors, accel_errors : TriadErrors or sequence, optional
+        Scale factors and misalignments.
+    names : sequence of str, optional
+        Of the recordings.
+    motion : ImuRecording, optional
+        What an ideal IMU records, if it is known already.
+    body : (3,) array_like, optional
+        Place at which the motion is given, m.
+
+    Returns
+    -------
+    tuple of ImuRecording
+        One for each IMU, in its own axes.
+
+    Raises
+    ------
+    InputError
+        Numbers of rotations, positions and models that differ.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> place = schuler.Mounting.aligned(2)
+    >>> ride = schuler.motorcycle(120.0)
+    >>> rng = np.random.default_rng(0)
+    >>> len(schuler.simulate_array(ride, place.rotation, place.position, None, 50.0, rng))
+    2
+    """
     turned = np.asarray(rotations, dtype=np.float64)
     arms = np.asarray(positions, dtype=np.float64)
     k = Mounting(turned, arms).count

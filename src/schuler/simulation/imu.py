@@ -61,7 +61,31 @@ class TriadErrors:
 
 
 def ideal_imu(profile: Profile, rate: float, *, name: str = "ideal") -> ImuRecording:
-    """Return what an IMU without errors records."""
+    """Return what an IMU without errors records on a known motion.
+
+    Parameters
+    ----------
+    profile : Profile
+        True motion.
+    rate : float
+        Samples a second, Hz.
+
+    Returns
+    -------
+    ImuRecording
+        Mean rates and specific forces over every interval, rad/s and m/s².
+
+    Raises
+    ------
+    InputError
+        A rate that is not positive.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(schuler.ideal_imu(schuler.motorcycle(120.0), 50.0).rate, 6)
+    50.0
+    """
     n = _count(profile.duration, rate)
     node, weight = np.polynomial.legendre.leggauss(NODES)
     gyro, accel = np.empty((n, 3)), np.empty((n, 3))

@@ -75,7 +75,52 @@ def simulate_receiver(
     outlier_size: float = 50.0,
     velocity: bool = True,
 ) -> GnssRecording:
-    """Return what a receiver of some grade records on a known motion."""
+    """Return what a receiver of some grade records on a known motion.
+
+    Parameters
+    ----------
+    profile : Profile
+        True motion.
+    grade : GnssGrade
+        How good the receiver is.
+    rate : float
+        Fixes a second, Hz.
+    rng : numpy.random.Generator
+        Source of randomness.
+    lever_arm : (3,) array_like
+        Of the antenna in the body, m.
+    start : float, optional
+        Time of the first fix, s.
+    latency, velocity_latency : float
+        Seconds that the stamps are late.
+    claimed_scale : float
+        Factor on the standard deviations that are told.
+    outages : sequence of (start, seconds)
+        Without fixes.
+    outlier_rate, outlier_size : float
+        Share of wrong fixes, and how wrong they are, m.
+    velocity : bool
+        Whether velocity is measured too.
+
+    Returns
+    -------
+    GnssRecording
+        Latitude and longitude in rad, height in m, velocity north, east, down in m/s.
+
+    Raises
+    ------
+    InputError
+        A rate or outages outside the motion.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> sd = (1.0, 1.0, 2.0)
+    >>> grade = schuler.GnssGrade("code", 5, sd, sd, 60.0, (0.1, 0.1, 0.1))
+    >>> ride = schuler.motorcycle(120.0)
+    >>> schuler.simulate_receiver(ride, grade, rng=np.random.default_rng(0)).time.size > 100
+    True
+    """
     recording = simulate_gnss(
         profile,
         rate,

@@ -16,7 +16,38 @@ LARGEST_JITTER = 0.45
 
 
 def box_car(recording: ImuRecording, taps: int, decimation: int) -> ImuRecording:
-    """Return the moving average that a device takes before it delivers fewer samples."""
+    """Return the moving average that a device takes before it delivers fewer samples.
+
+    Parameters
+    ----------
+    recording : ImuRecording
+        As the sensor samples inside.
+    taps : int
+        Samples of a mean.
+    decimation : int
+        Every how many samples a mean is delivered.
+
+    Returns
+    -------
+    ImuRecording
+        Stamped at the last sample of each mean.
+
+    Raises
+    ------
+    InputError
+        A recording of fewer than two means.
+
+    Notes
+    -----
+    S004 section 5.2: fifteen taps at 1 kHz, every tenth delivered.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> fast = schuler.ImuRecording(np.arange(1, 101) * 1e-3, np.ones((100, 3)), np.ones((100, 3)))
+    >>> schuler.box_car(fast, 15, 10).size
+    9
+    """
     count = (recording.size - taps) // decimation + 1 if taps >= 1 and decimation >= 1 else 0
     if count < 2:
         raise InputError(
@@ -42,7 +73,32 @@ def box_car(recording: ImuRecording, taps: int, decimation: int) -> ImuRecording
 
 
 def box_car_gain(frequency: ArrayLike, taps: int, rate: float) -> FloatArray:
-    """Return the gain of a moving average."""
+    """Return the gain of a moving average.
+
+    Parameters
+    ----------
+    frequency : float or array_like
+        Hz.
+    taps : int
+        Samples of a mean.
+    rate : float
+        At which they are taken, Hz.
+
+    Returns
+    -------
+    ndarray
+        0 to 1.
+
+    Notes
+    -----
+    |sin(n x)/(n sin x)| with x = pi f / rate.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(float(schuler.box_car_gain(20.0, 15, 1000.0)), 3)
+    0.859
+    """
     cycles = np.asarray(frequency, dtype=np.float64) / rate
     whole = np.sinc(taps * cycles)
     # sinc(n x) / sinc(x); both vanish at whole numbers of cycles a sample, where the gain is one

@@ -6,11 +6,7 @@ import math
 
 import numpy as np
 
-from schuler.curves.allan import allan_deviation
-from schuler.curves.autocorrelation import autocorrelation
-from schuler.curves.spectrum import power_spectral_density
-from schuler.estimation.gauss_markov_correlation import fit_gauss_markov
-from schuler.noise import (
+from schuler import (
     BiasInstability,
     GaussMarkov,
     Process,
@@ -18,10 +14,22 @@ from schuler.noise import (
     RandomWalk,
     RateRamp,
     WhiteNoise,
+    allan_deviation,
+    autocorrelation,
+    fit_gauss_markov,
+    power_spectral_density,
 )
-from schuler.types import FloatArray
-from schuler_papers.experiment import Numbers, Results, Size, estimate, generator, numbers, stacked
-from schuler_papers.outcome import Band, Curve, Outcome, Panel, Role, Row
+from schuler_papers.experiment import (
+    FloatArray,
+    Numbers,
+    Results,
+    Size,
+    generator,
+    numbers,
+    stacked,
+)
+from schuler_papers.judging import Found, Value, plain
+from schuler_papers.outcome import Curve, Panel, Proof, Role
 from schuler_papers.quinchia2013.sensor import PAPER
 
 LAG_RATE, TIME = 5.0, 20.0
@@ -66,26 +74,12 @@ def run(seed: int, size: Size) -> Numbers:
     return numbers(**found)
 
 
-def figure_4(results: Results, size: Size) -> Outcome:
+def figure_4(results: Results, size: Size) -> Found:
     """Autocorrelation of Gauss-Markov noise."""
     lag, mean = results[0]["lag"], stacked(results, "correlation").mean(axis=0)
-    law = float(stacked(results, "claimed").mean())
-    rows = (
-        Row(
-            "correlation time found over the true one",
-            estimate(stacked(results, "time") / TIME),
-            1.0,
-            band=Band(1.0 - 3.0 * law, 1.0 + 3.0 * law, "spec", "3 sqrt(2 Tc/T)"),
-        ),
-        Row(
-            "(11) as printed, exp(+beta tau), at three correlation times",
-            math.exp(3.0),
-            "a decay",
-            "wrong in the paper",
-            reason="the sign is missing: a correlation above one",
-            erratum="E-004-1",
-        ),
-    )
+    law = 3.0 * float(stacked(results, "claimed").mean())
+    growth = math.exp(3.0)
+    proof = Proof("no correlation is above one, exp(+3) is", growth, 1.0, math.inf, "bound")
     panel = Panel(
         "First-order Gauss-Markov noise",
         "lag, s",
@@ -96,58 +90,41 @@ def figure_4(results: Results, size: Size) -> Outcome:
         ),
         "Decays to 1/e at the correlation time of 20 s.",
     )
-    return Outcome(rows, (panel,))
+    values: dict[str, Value] = {"ratio": stacked(results, "time") / TIME, "growth": growth}
+    band = {"ratio": np.array([1.0 - law, 1.0 + law])}
+    return Found(values, band, {"growth": proof}, panels=(panel,))
 
 
-def figure_5(results: Results, size: Size) -> Outcome:
+def figure_5(results: Results, size: Size) -> Found:
     """Slopes of the density."""
-    rows, curves = [], []
-    for role, (name, (_, _, slope, _, _)) in zip(ROLES, LAWS.items(), strict=True):
-        if math.isnan(slope):
-            continue
-        rows.append(
-            Row(
-                f"slope of {name}",
-                estimate(stacked(results, f"{name}:psd")),
-                slope,
-                band=Band(slope - 0.05, slope + 0.05, "spec", standard_errors=2.0),
-            )
-        )
-        mean = stacked(results, f"{name}:density").mean(axis=0)
-        curves.append(Curve(name, results[0][f"{name}:frequency"], mean, role))
-    panel = Panel(
-        "Densities of the noises",
-        "frequency, Hz",
-        "one-sided density",
-        tuple(curves),
-        "Straight lines of slope 2, 0, -1, -2.",
-        log_x=True,
-        log_y=True,
-    )
-    return Outcome(tuple(rows), (panel,))
+    names = [name for name, law in LAWS.items() if not math.isnan(law[2])]
+    panel = _slopes(
+        results, names, ("frequency", "density"), "Densities of the noises",
+        ("frequency, Hz", "one-sided density"), "Straight lines of slope 2, 0, -1, -2.",
+    )  # fmt: skip
+    return Found(plain(results, size).values, panels=(panel,))
 
 
-def figure_6(results: Results, size: Size) -> Outcome:
+def figure_6(results: Results, size: Size) -> Found:
     """Slopes of the Allan deviation."""
-    rows, curves = [], []
-    for role, (name, (_, slope, _, _, _)) in zip(ROLES, LAWS.items(), strict=True):
-        rows.append(
-            Row(
-                f"slope of {name}",
-                estimate(stacked(results, f"{name}:allan")),
-                slope,
-                band=Band(slope - 0.05, slope + 0.05, "spec", standard_errors=2.0),
-            )
-        )
-        mean = stacked(results, f"{name}:deviation").mean(axis=0)
-        curves.append(Curve(name, results[0][f"{name}:tau"], mean, role))
-    panel = Panel(
-        "Allan deviations of the noises",
-        "cluster time, s",
-        "Allan deviation",
-        tuple(curves),
-        "Straight lines of slope -1, -1/2, 0, +1/2, +1.",
-        log_x=True,
-        log_y=True,
+    panel = _slopes(
+        results, list(LAWS), ("tau", "deviation"), "Allan deviations of the noises",
+        ("cluster time, s", "Allan deviation"), "Straight lines of slope -1, -1/2, 0, +1/2, +1.",
+    )  # fmt: skip
+    return Found(plain(results, size).values, panels=(panel,))
+
+
+def _slopes(
+    results: Results,
+    names: list[str],
+    columns: tuple[str, str],
+    title: str,
+    axes: tuple[str, str],
+    words: str,
+) -> Panel:
+    x, y = columns
+    curves = tuple(
+        Curve(name, results[0][f"{name}:{x}"], stacked(results, f"{name}:{y}").mean(axis=0), role)
+        for name, role in zip(names, ROLES, strict=False)
     )
-    return Outcome(tuple(rows), (panel,))
+    return Panel(title, *axes, curves, words, log_x=True, log_y=True)

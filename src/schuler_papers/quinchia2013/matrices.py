@@ -5,22 +5,39 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.signal import lfilter
 
-from schuler.navigation.error_models.catalogue import error_model
-from schuler.noise import Autoregressive, GaussMarkov, RandomWalk, WhiteNoise
-from schuler.noise.gauss_markov import FLICKER_LEVEL
-from schuler.types import FloatArray
-from schuler_papers.experiment import Numbers, Results, Size, estimate, generator, numbers, stacked
-from schuler_papers.outcome import Band, Curve, Outcome, Panel, Row
-from schuler_papers.quinchia2013.sensor import NAMES, PAPER, PRINTED, TABLE_2, fitted
+from schuler import (
+    Autoregressive,
+    GaussMarkov,
+    ModelError,
+    RandomWalk,
+    WhiteNoise,
+    allan_deviation,
+    error_model,
+)
+from schuler_papers.experiment import (
+    FloatArray,
+    Numbers,
+    Results,
+    Size,
+    generator,
+    numbers,
+    stacked,
+)
+from schuler_papers.judging import Found, Value
+from schuler_papers.outcome import Curve, Panel, Proof
+from schuler_papers.quinchia2013.sensor import (
+    FLICKER_LEVEL,
+    NAMES,
+    PAPER,
+    PRINTED,
+    TABLE_2,
+    fitted,
+)
 
 DT = 0.01
 CHANNEL = "accel_x"
-
-
-def printed_transition(channel: str, dt: float) -> float:
-    """Return the transition of a Gauss-Markov state as printed: (2), (7), (21), (22)."""
-    return 1.0 - dt / PRINTED[channel].flat_time
 
 
 def printed_noise(channel: str, dt: float) -> FloatArray:
@@ -77,10 +94,6 @@ def _euler(markov: GaussMarkov) -> list[float]:
 
 def _one_noise(rng: np.random.Generator, n: int) -> dict[str, FloatArray]:
     """Accelerometer x with (7) as printed and with two noises, at 10 Hz."""
-    from scipy.signal import lfilter
-
-    from schuler.curves.allan import allan_deviation
-
     r, dt = PRINTED[CHANNEL], 0.1
     sigma = FLICKER_LEVEL * r.bias_instability
     phi = math.exp(-dt / r.flat_time)
@@ -95,8 +108,6 @@ def _one_noise(rng: np.random.Generator, n: int) -> dict[str, FloatArray]:
 
 def _companion(rng: np.random.Generator, size: Size) -> dict[str, FloatArray]:
     """(10) against the recursion (9), and the eigenvalues of (31)-(36)."""
-    from scipy.signal import lfilter
-
     fit = fitted(size)[3]["gyro_x"]
     space = fit.state_space(DT)
     drive = rng.standard_normal(2000)
@@ -132,100 +143,46 @@ def _companion(rng: np.random.Generator, size: Size) -> dict[str, FloatArray]:
     }
 
 
-def noise_matrix(results: Results, size: Size) -> Outcome:
+def noise_matrix(results: Results, size: Size) -> Found:
     """The printed Q, the right one, and single steps."""
-    found = stacked(results, "steps")
     ours, printed = step_covariance(CHANNEL, DT), printed_noise(CHANNEL, DT)
-    names = ("white noise in velocity", "Gauss-Markov state", "random walk")
-    rows = []
-    for k, name in enumerate(names):
-        rows.append(
-            Row(
-                f"{name}: simulated steps over our rule",
-                estimate(found[:, k] / ours[k]),
-                None,
-                "beyond the paper",
-                band=Band(0.99, 1.01, "spec", standard_errors=2.0),
-            )
-        )
-    for words, factor, right in (
-        ("through G dt, so times dt²", DT**2, 0),
-        ("as they stand", 1.0, 1),
-    ):
-        for k, name in enumerate(names):
-            ratio = printed[k] * factor / ours[k]
-            off = not math.isclose(ratio, 1.0, rel_tol=1e-6)
-            wanted = 1.0 if (k == 0) == (right == 0) else (1.0 / DT**2 if right else DT**2)
-            rows.append(
-                Row(
-                    f"{name}: printed entry {words}, over ours",
-                    ratio,
-                    None,
-                    "wrong in the paper" if off else "reproduced",
-                    band=Band(0.999 * wanted, 1.001 * wanted, "theory"),
-                    reason="sample variance and state variances stand in one Q" if off else "",
-                    erratum="E-004-6" if off else "",
-                )
-            )
-    return Outcome(
-        tuple(rows),
-        notes=("No one G makes the printed Q right: white noise or the states are off by 10⁴.",),
+    ratio = (printed / ours)[None]
+    values = {
+        "steps": stacked(results, "steps") / ours,
+        "through": ratio * DT**2,
+        "as it stands": ratio,
+    }
+    return Found(values)
+
+
+def euler(results: Results, size: Size) -> Found:
+    """1 - dt/Tc with the exact variance."""
+    x = np.array([DT, 1.0]) / PRINTED[CHANNEL].flat_time
+    law = -np.expm1(-2.0 * x) / (2.0 * x - x**2)
+    found = stacked(results, "stationary")[:1]
+    mixed = Proof(
+        "(1 - exp(-2x))/(2x - x²) is not one: the variance drifts away from sigma²",
+        float(law[1] - 1.0), 1e-3, 1.0,
+    )  # fmt: skip
+    return Found(
+        {"stationary": found},
+        {"stationary": np.array([law - 1e-6, law + 1e-6])},
+        {"mixed": mixed},
     )
 
 
-def euler(results: Results, size: Size) -> Outcome:
-    """1 - dt/Tc with the exact variance."""
-    found = stacked(results, "stationary")
-    rows = []
-    for k, (step, rate) in enumerate(((DT, "100 Hz"), (1.0, "1 Hz"))):
-        x = step / PRINTED[CHANNEL].flat_time
-        law = -math.expm1(-2.0 * x) / (2.0 * x - x**2)
-        rows.append(
-            Row(
-                f"stationary variance over sigma², {rate}, Tc 4.56 s",
-                float(found[0, k]),
-                1.0,
-                "wrong in the paper",
-                band=Band(law - 1e-6, law + 1e-6, "theory", "(1 - exp(-2x))/(2x - x²)"),
-                reason="Euler's transition (2) with the exact variance (3)",
-                erratum="E-004-2",
-            )
-        )
-    return Outcome(tuple(rows))
-
-
-def one_noise(results: Results, size: Size) -> Outcome:
+def one_noise(results: Results, size: Size) -> Found:
     """(7) drives two states with one noise."""
     tau = results[0]["7:tau"]
     one, two = stacked(results, "7:one"), stacked(results, "7:two")
     middle = (tau >= 5.0) & (tau <= 40.0)
-    row = Row(
-        "Allan deviation with one noise over two, cluster times of 5 to 40 s",
-        estimate((one / two)[:, middle].mean(axis=1)),
-        1.0,
-        "wrong in the paper",
-        band=Band(1.1, 1.35, "spec", "about 1.22", standard_errors=2.0),
-        reason="the two increments are fully correlated",
-        erratum="E-004-3",
-    )
-    law = sum(
-        (
-            p.allan_variance(tau)
-            for p in error_model("18AV", PRINTED).noise_model.process(CHANNEL).parts
-        ),
-        np.zeros(tau.size),
-    )
-    inside = (two.mean(axis=0) / np.sqrt(law))[middle]
-    rows = (
-        row,
-        Row(
-            "Allan deviation with two noises over the closed forms",
-            float(inside.mean()),
-            None,
-            "reproduced",
-            band=Band(0.95, 1.05, "spec"),
-        ),
-    )
+    parts = error_model("18AV", PRINTED).noise_model.process(CHANNEL).parts
+    law = sum((p.allan_variance(tau) for p in parts), np.zeros(tau.size))
+    inside = float((two.mean(axis=0) / np.sqrt(law))[middle].mean())
+    proof = Proof(
+        "two independent noises give the closed forms of the parts, one noise does not",
+        inside, 0.95, 1.05, "counter-experiment",
+    )  # fmt: skip
     panel = Panel(
         "One noise or two",
         "cluster time, s",
@@ -239,103 +196,63 @@ def one_noise(results: Results, size: Size) -> Outcome:
         log_x=True,
         log_y=True,
     )
-    return Outcome(rows, (panel,))
+    values: dict[str, Value] = {
+        "one over two": (one / two)[:, middle].mean(axis=1),
+        "two": inside,
+    }
+    return Found(values, proofs={"closed forms": proof}, panels=(panel,))
 
 
-def companion(results: Results, size: Size) -> Outcome:
+def companion(results: Results, size: Size) -> Found:
     """(9), (10), (31)-(36): AR in the filter."""
-    rows = (
-        Row(
-            "companion form against the recursion, largest relative difference",
-            float(stacked(results, "companion").max()),
-            0.0,
-            band=Band(0.0, 1e-10, "spec"),
-        ),
-        Row(
-            "eigenvalues of the filter's blocks against the roots of the fits",
-            float(stacked(results, "eigenvalues").max()),
-            0.0,
-            band=Band(0.0, 1e-6, "spec"),
-        ),
-        Row(
-            "coupling of the newest state",
-            float(stacked(results, "newest")[:, 0].min()),
-            1.0,
-            band=Band(1.0, 1.0, "spec"),
-        ),
-        Row(
-            "coupling of the oldest state",
-            float(stacked(results, "newest")[:, 1].max()),
-            0.0,
-            band=Band(0.0, 0.0, "spec"),
-        ),
-    )
-    return Outcome(rows)
+    newest = stacked(results, "newest")
+    values = {
+        "companion": float(stacked(results, "companion").max()),
+        "eigenvalues": float(stacked(results, "eigenvalues").max()),
+        "newest": float(newest[:, 0].min()),
+        "oldest": float(newest[:, 1].max()),
+    }
+    return Found(values)
 
 
-def table_8(results: Results, size: Size) -> Outcome:
+def table_8(results: Results, size: Size) -> Found:
     """States of every model."""
-    rows = []
-    for name, printed in (("15AV", 15), ("18AV", 18), ("18AVWD", 18), ("15AR", 15), ("27AR", 27)):
+
+    def states(name: str) -> float:
         fits = fitted(size).get({"15AR": 1, "27AR": 3}.get(name, 0))
-        states = error_model(name, PRINTED, autoregressive=fits).states
-        rows.append(Row(name, float(states), float(printed), band=Band(printed, printed, "spec")))
-    for name in ("18AV+turn-on", "flicker4"):
-        states = error_model(name, PRINTED).states
-        rows.append(Row(name, float(states), None, "beyond the paper"))
-    return Outcome(tuple(rows))
+        return float(error_model(name, PRINTED, autoregressive=fits).states)
+
+    printed = [states(n) for n in ("15AV", "18AV", "18AVWD", "15AR", "27AR")]
+    ours = [states(n) for n in ("18AV+turn-on", "flicker4")]
+    return Found({"table": np.array([[printed]]), "ours": np.array([ours])})
 
 
-def rounded_roots(results: Results, size: Size) -> Outcome:
+def rounded_roots(results: Results, size: Size) -> Found:
     """The printed AR(3) coefficients have a pole on or outside the unit circle."""
     rng = np.random.default_rng(10)
-    rows = []
-    for channel, (printed, _, _, _) in TABLE_2.items():
+    modulus, share, refused = [], [], 0
+    for printed, *_ in (TABLE_2[c] for c in TABLE_2):
         polynomial = np.array([1.0, *printed])
-        modulus = float(np.abs(np.roots(polynomial)).max())
-        draws = polynomial + np.concatenate(
-            [np.zeros((2000, 1)), rng.uniform(-5e-4, 5e-4, (2000, 3))], axis=1
-        )
+        modulus.append(float(np.abs(np.roots(polynomial)).max()))
+        shifts = rng.uniform(-5e-4, 5e-4, (2000, 3))
+        draws = polynomial + np.concatenate([np.zeros((2000, 1)), shifts], axis=1)
         largest = np.array([np.abs(np.roots(d)).max() for d in draws])
-        refused = not _accepted(printed)
-        share = float((largest >= 1.0).mean())
-        wanted = (0.95, 1.0) if channel == "accel_x" else (0.3, 0.7)
-        rows += [
-            Row(
-                f"{NAMES[channel]}: largest pole of the printed coefficients",
-                modulus,
-                None,
-                "wrong in the paper",
-                band=Band(0.9995, 1.05, "theory"),
-                reason="refused as a process" if refused else "a pole at one",
-                erratum="E-004-10",
-            ),
-            Row(
-                f"{NAMES[channel]}: share of unstable models within the rounding",
-                share,
-                None,
-                "wrong in the paper",
-                band=Band(*wanted, "spec", "a half, 98 % for accelerometer x"),
-                reason="three decimals do not hold a pole this near to one",
-                erratum="E-004-10",
-            ),
-        ]
-    moduli = stacked(results, "modulus")
-    rows.append(
-        Row(
-            "largest pole of the fits with all digits",
-            float(moduli.max()),
-            None,
-            "beyond the paper",
-            band=Band(0.9, 1.0 - 1e-12, "theory"),
-        )
-    )
-    return Outcome(tuple(rows))
+        share.append(float((largest >= 1.0).mean()))
+        refused += not _accepted(printed)
+    poles = Proof(
+        "the printed coefficients have a pole on or outside the unit circle, to five digits",
+        min(modulus), 1.0 - 5e-4, 2.0,
+    )  # fmt: skip
+    values: dict[str, Value] = {
+        "modulus": np.array([modulus]),
+        "share": np.array([share]),
+        "own": float(stacked(results, "modulus").max()),
+    }
+    note = f"{refused} of {len(NAMES)} printed AR(3) models are refused as processes."
+    return Found(values, proofs={"poles": poles}, notes=(note,))
 
 
 def _accepted(coefficients: tuple[float, ...]) -> bool:
-    from schuler.errors import ModelError
-
     try:
         Autoregressive(coefficients, 1e-12, DT)
     except ModelError:

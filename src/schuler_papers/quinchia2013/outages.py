@@ -6,12 +6,18 @@ import functools
 
 import numpy as np
 
-from schuler.evaluation.outage_twin import OutageTwin, draw, outage_twin, run_outages
-from schuler.evaluation.outage_windows import OutageStatistics
-from schuler.simulation import Profile
-from schuler.simulation.motions.set_pieces import SetPiece, car_with_set_pieces
-from schuler.types import FloatArray
-from schuler_papers.experiment import Numbers, Size, generator, numbers
+from schuler import (
+    OutageStatistics,
+    OutageTwin,
+    Profile,
+    SetPiece,
+    car_with_set_pieces,
+    draw_outage_twin,
+    ned_from_geodetic,
+    outage_twin,
+    run_outages,
+)
+from schuler_papers.experiment import FloatArray, Numbers, Size, generator, numbers
 from schuler_papers.quinchia2013.sensor import (
     MODELS,
     PAPER,
@@ -39,13 +45,32 @@ SECOND = (
     SetPiece(60.0, 112.42 * KMH, 0.1 * QUARTER, 0.9, before="motorway", share=0.15),
 )
 PIECES = (*FIRST, *SECOND)
+# table 6: seconds and mean speed of its own outages; where they turn is not printed
+FIRST_STARRED = (
+    SetPiece(30.0, 25.16 * KMH, QUARTER, share=0.08),
+    SetPiece(30.0, 18.86 * KMH, share=0.08),
+    SetPiece(30.0, 42.53 * KMH, share=0.08),
+    SetPiece(30.0, 23.56 * KMH, -QUARTER, share=0.08),
+    SetPiece(30.0, 39.32 * KMH, share=0.08),
+)
+SECOND_STARRED = (
+    SetPiece(60.0, 103.36 * KMH, before="motorway", share=0.2),
+    SetPiece(60.0, 122.73 * KMH, before="motorway", share=0.2),
+)
+STARRED = (*FIRST_STARRED, *SECOND_STARRED)
+STRAIGHT_STARRED = tuple(k for k, p in enumerate(STARRED) if p.turn == 0.0)
 STRAIGHT = tuple(k for k, p in enumerate(PIECES) if p.turn == 0.0)
 LONG = tuple(k for k, p in enumerate(PIECES) if p.duration == 60.0)
 
 
 @functools.cache
-def drives() -> tuple[tuple[Profile, tuple[tuple[float, float], ...]], ...]:
-    """Return both drives of the paper with their outages, the same for all repetitions."""
+def drives(starred: bool = False) -> tuple[tuple[Profile, tuple[tuple[float, float], ...]], ...]:
+    """Return both drives with the outages of tables 9 and 10, or of table 6 (starred)."""
+    if starred:
+        return (
+            car_with_set_pieces(1038.0, FIRST_STARRED, 0),
+            car_with_set_pieces(903.0, SECOND_STARRED, 0, after="country"),
+        )
     return (
         car_with_set_pieces(1038.0, FIRST, 0),
         car_with_set_pieces(903.0, SECOND, 0, after="country"),
@@ -53,7 +78,7 @@ def drives() -> tuple[tuple[Profile, tuple[tuple[float, float], ...]], ...]:
 
 
 @functools.cache
-def twins() -> tuple[OutageTwin, ...]:
+def twins(starred: bool = False) -> tuple[OutageTwin, ...]:
     """Return the twins of both drives."""
     return tuple(
         outage_twin(
@@ -64,7 +89,7 @@ def twins() -> tuple[OutageTwin, ...]:
             turn_on_accel=TURN_ON_ACCEL,
             turn_on_gyro=TURN_ON_GYRO,
         )
-        for profile, windows in drives()
+        for profile, windows in drives(starred)
     )
 
 
@@ -78,7 +103,7 @@ def run(seed: int, size: Size) -> Numbers:
     tracks: list[dict[str, FloatArray]] = []
     for drive, child in zip(twins(), rng.spawn(len(twins())), strict=True):
         kept: list[dict[str, FloatArray]] = []
-        done = run_outages(drive, chosen, draw(drive, child), kept)
+        done = run_outages(drive, chosen, draw_outage_twin(drive, child), kept)
         tracks += kept
         for name, (statistics, mean) in done.items():
             parts[name].append(statistics)
@@ -114,11 +139,12 @@ def _padded(values: FloatArray) -> FloatArray:
 
 
 def run_denoised(seed: int, size: Size) -> Numbers:
-    """Drive both drives once with no error model, and measurements de-noised to 0, 3, 7 levels."""
+    """Drive table 6's outages without error model, de-noised to 0, 3 and 7 levels."""
     rng = generator(seed, PAPER, "denoised")
     found: dict[str, list[FloatArray]] = {}
-    for drive, child in zip(twins(), rng.spawn(len(twins())), strict=True):
-        done = run_outages(drive, [bare(level) for level in LEVELS], draw(drive, child))
+    starred = twins(starred=True)
+    for drive, child in zip(starred, rng.spawn(len(starred)), strict=True):
+        done = run_outages(drive, [bare(level) for level in LEVELS], draw_outage_twin(drive, child))
         for name, (statistics, _) in done.items():
             for key, value in _figures(name, [statistics]).items():
                 if key.endswith(("max", "end")):
@@ -126,11 +152,9 @@ def run_denoised(seed: int, size: Size) -> Numbers:
     return numbers(**{key: np.concatenate(values) for key, values in found.items()})
 
 
-def path_of(number: int) -> tuple[FloatArray, FloatArray]:
-    """Return a drive as seen from above, for figures 20 and 23."""
-    from schuler.earth import ned_from_geodetic
-
-    profile, _ = drives()[number]
+def path_of(number: int, starred: bool = False) -> tuple[FloatArray, FloatArray]:
+    """Return a drive as seen from above, for figures 18, 20 and 23, and its speed in km/h."""
+    profile, _ = drives(starred)[number]
     time = np.arange(profile.start, profile.start + profile.duration, 2.0)
     path = profile.trajectory(time)
     ned = ned_from_geodetic(path.position, path.position[0])

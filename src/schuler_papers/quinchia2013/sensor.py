@@ -7,26 +7,31 @@ from dataclasses import replace
 
 import numpy as np
 
-from schuler.data import CHANNELS, ImuRecording
-from schuler.navigation.error_models.allan_readings import AllanReading
-from schuler.navigation.error_models.autoregressive_fits import autoregressive_fits
-from schuler.navigation.error_models.catalogue import ErrorModel, error_model
-from schuler.noise import (
+from schuler import (
+    AllanReading,
     Autoregressive,
     BiasInstability,
+    ErrorModel,
+    ImuRecording,
     NoiseModel,
     Process,
     ProcessSum,
     RandomWalk,
+    SensorDenoising,
     TurnOnBias,
     WhiteNoise,
+    autoregressive_fits,
+    error_model,
+    simulate_static,
 )
-from schuler.simulation import simulate_static
 from schuler_papers.experiment import Size, generator
 
 PAPER = "quinchia2013"
 RATE = 100.0
 HOURS: dict[Size, float] = {"quick": 2.0, "full": 7.0}
+CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+FLICKER_LEVEL = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
+"""Allan deviation of bias instability over B."""
 
 # Table 4 (N, B, K in m/s, deg and h, with the printed errors) and the times of Table 5 (s)
 TABLE_4: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float] | None]] = {
@@ -151,8 +156,6 @@ def models(size: Size) -> tuple[ErrorModel, ...]:
 
 def bare(level: int) -> ErrorModel:
     """Return the filter of table 6: no error model, measurements de-noised to some level."""
-    from schuler.navigation.error_models.sensor_denoising import SensorDenoising
-
     white = {c: WhiteNoise(r.white_noise) for c, r in PRINTED.items()}
     levels = {c: level - (c in ("accel_y", "accel_z")) for c in CHANNELS}
     nine = ErrorModel(f"LOD {level}", NoiseModel(white, source="white noise only"))

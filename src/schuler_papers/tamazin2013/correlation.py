@@ -7,25 +7,29 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.curves.allan import allan_deviation
-from schuler.curves.autocorrelation import autocorrelation
-from schuler.estimation.gauss_markov_correlation import fit_gauss_markov
-from schuler.noise import GaussMarkov, Process, WhiteNoise
-from schuler.types import FloatArray
+from schuler import (
+    GaussMarkov,
+    WhiteNoise,
+    allan_deviation,
+    autocorrelation,
+    fit_gauss_markov,
+    read_imu,
+)
 from schuler_papers.experiment import (
+    FloatArray,
     Numbers,
     Results,
     Size,
-    estimate,
     generator,
     numbers,
     stacked,
 )
-from schuler_papers.outcome import Band, Curve, Outcome, Panel, Row
+from schuler_papers.judging import Found, plain
+from schuler_papers.outcome import Curve, Panel
 from schuler_papers.tamazin2013.predictors import ACCELEROMETER, GYRO, PAPER, RATE
 
 SIGMA, CORRELATION_TIME, LAG_RATE = 1.0, 20.0, 5.0
-MIXTURE: Process = WhiteNoise(0.1) + GaussMarkov(1.0, 2.0) + GaussMarkov(1.0, 100.0)
+MIXTURE = WhiteNoise(0.1) + GaussMarkov(1.0, 2.0) + GaussMarkov(1.0, 100.0)
 _SHOWN = 60
 
 
@@ -56,8 +60,6 @@ def _correlated(name: str, signal: FloatArray, rate: float) -> Numbers:
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
     """Correlate the y accelerometer of one of six static ADIS16405 recordings."""
-    from schuler.io import read_imu
-
     imu = read_imu(folder / "adis16405-static" / f"imu{seed % 6 + 1}.parquet")
     step = round(imu.rate / 5.0)
     usable = imu.accel.shape[0] // step * step
@@ -65,31 +67,17 @@ def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
     return _correlated("real", averaged - averaged.mean(), imu.rate / step)
 
 
-def figure_1(results: Results, size: Size) -> Outcome:
+def figure_1(results: Results, size: Size) -> Found:
     """The autocorrelation of first-order Gauss-Markov noise."""
-    found = stacked(results, "single_time")
-    law = float(stacked(results, "single_claimed").mean())
+    law = 3.0 * float(stacked(results, "single_claimed").mean())
     lag = results[0]["single_lag"]
-    rows = (
-        Row(
-            "correlation time found over the true one",
-            estimate(found / CORRELATION_TIME),
-            printed=1.0,
-            band=Band(1.0 - 3.0 * law, 1.0 + 3.0 * law, "spec", "3 sqrt(2 Tc/T)"),
-        ),
-        Row(
-            "share of records whose exponential shape is not rejected at 1 %",
-            estimate(stacked(results, "single_p") > 0.01),
-            band=Band(0.85, 1.0, "theory", "0.99 less the scatter of few records"),
-        ),
-        Row(
-            "correlation at one correlation time",
-            estimate(_at(results, "single", CORRELATION_TIME)),
-            printed=math.exp(-1.0),
-            band=Band(0.30, 0.44, "theory", "1/e within its sampling error", standard_errors=2.0),
-        ),
-    )
-    return Outcome(rows, (_drawn(results, "single", np.exp(-lag / CORRELATION_TIME)),))
+    values = {
+        "ratio": stacked(results, "single_time") / CORRELATION_TIME,
+        "shape": (stacked(results, "single_p") > 0.01).astype(float),
+        "at time": _at(results, "single", CORRELATION_TIME),
+    }
+    panel = _drawn(results, "single", np.exp(-lag / CORRELATION_TIME))
+    return Found(values, {"ratio": np.array([1.0 - law, 1.0 + law])}, panels=(panel,))
 
 
 def _at(results: Results, name: str, lag: float) -> FloatArray:
@@ -122,40 +110,20 @@ def _drawn(results: Results, name: str, law: FloatArray | None) -> Panel:
     )
 
 
-def figure_2(results: Results, size: Size) -> Outcome:
+def figure_2(results: Results, size: Size) -> Found:
     """A correlation that is not exponential."""
     lag = results[0]["mixed_lag"]
-    covariance = MIXTURE.components[1].autocovariance(lag) + MIXTURE.components[2].autocovariance(
-        lag
-    )
+    covariance = sum(p.autocovariance(lag) for p in MIXTURE.components[1:])
     power = 2.0 + 0.1**2 * LAG_RATE
     law = np.where(lag == 0.0, 1.0, covariance / power)
-    rows = (
-        Row(
-            "share of records in which one exponential is rejected at 1 %",
-            estimate(stacked(results, "mixed_p") < 0.01),
-            printed="'a higher-order process'",
-            band=Band(0.9, 1.0, "spec", "exponential rejected"),
-        ),
-    )
-    note = (
-        "A sum of Gauss-Markov noises is higher-order and has a closed form; an AR model of high "
-        "order fitted sample by sample is not needed for it."
-    )
-    return Outcome(rows, (_drawn(results, "mixed", law),), (note,))
+    rejected = (stacked(results, "mixed_p") < 0.01).astype(float)
+    return Found({"rejected": rejected}, panels=(_drawn(results, "mixed", law),))
 
 
-def figure_2_recording(results: Results, size: Size) -> Outcome:
+def figure_2_recording(results: Results, size: Size) -> Found:
     """The correlation of a real accelerometer."""
-    rows = (
-        Row(
-            "share of six records in which one exponential is rejected at 1 %",
-            estimate(stacked(results, "real_p") < 0.01),
-            printed="'a higher-order process'",
-            band=Band(0.5, 1.0, "theory", "several time scales at once"),
-        ),
-    )
-    return Outcome(rows, (_drawn(results, "real", None),))
+    rejected = (stacked(results, "real_p") < 0.01).astype(float)
+    return Found({"rejected": rejected}, panels=(_drawn(results, "real", None),))
 
 
 def run_signal(seed: int, size: Size) -> Numbers:
@@ -183,45 +151,17 @@ def run_signal(seed: int, size: Size) -> Numbers:
     return found
 
 
-def figure_5(results: Results, size: Size) -> Outcome:
+def figure_5(results: Results, size: Size) -> Found:
     """An hour of both sensors."""
     minutes = (10.0 if size == "quick" else 60.0) * (np.arange(200) + 0.5) / 200.0
-    rows = []
-    panels = []
+    bands, panels = {}, []
     for sensor, unit in ((ACCELEROMETER, "m/s²"), (GYRO, "deg/h")):
         white = sensor.process.components[0]
         assert isinstance(white, WhiteNoise)
         sample = white.density * math.sqrt(RATE) / sensor.unit
-        rows += [
-            Row(
-                f"{sensor.name}: standard deviation of a sample, from neighbours",
-                estimate(stacked(results, f"{sensor.name}_white")),
-                printed=None,
-                unit=unit,
-                band=Band(0.99 * sample, 1.01 * sample, "theory", "N/sqrt(dt)"),
-                verdict="reproduced in kind",
-            ),
-            Row(
-                f"{sensor.name}: Allan deviation at 1 s over that of the process",
-                estimate(stacked(results, f"{sensor.name}_ratio")[:, 1]),
-                band=Band(0.94, 1.06, "theory", "sampling error", standard_errors=2.0),
-                verdict="reproduced in kind",
-            ),
-            Row(
-                f"{sensor.name}: rounding to 16 bits over step/sqrt(12)",
-                estimate(stacked(results, f"{sensor.name}_rounding")),
-                band=Band(0.99, 1.01, "theory"),
-                verdict="reproduced in kind",
-            ),
-        ]
+        bands[f"{sensor.name}_white"] = np.array([0.99 * sample, 1.01 * sample])
         low, high = results[0][f"{sensor.name}_low"], results[0][f"{sensor.name}_high"]
-        panels.append(
-            Panel(
-                sensor.name,
-                "min",
-                unit,
-                (Curve("twin", minutes, 0.5 * (low + high), "data", "band", low, high),),
-                f"Simulated {sensor.name} signal over time.",
-            )
-        )
-    return Outcome(tuple(rows), tuple(panels))
+        shown = Curve("twin", minutes, 0.5 * (low + high), "data", "band", low, high)
+        words = f"Simulated {sensor.name} signal over time."
+        panels.append(Panel(sensor.name, "min", unit, (shown,), words))
+    return Found(plain(results, size).values, bands, panels=tuple(panels))

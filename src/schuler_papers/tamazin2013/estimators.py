@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import math
+from typing import Literal
 
 import numpy as np
 from scipy.signal import lfilter
 
-from schuler.denoising import denoise
-from schuler.estimation.autoregressive.fit import fit_ar, fit_ar_orders, whiten_lattice
-from schuler.estimation.orthogonal_search.search import Stopping, fast_orthogonal_search
-from schuler.noise.autoregressive import Autoregressive
-from schuler_papers.experiment import (
-    Numbers,
-    Results,
-    Size,
-    estimate,
-    generator,
-    numbers,
-    stacked,
+from schuler import (
+    Autoregressive,
+    denoise,
+    fast_orthogonal_search,
+    fit_ar,
+    fit_ar_orders,
+    whiten_lattice,
 )
-from schuler_papers.outcome import Band, Curve, Outcome, Panel, Role, Row
+from schuler_papers.experiment import Numbers, Results, Size, generator, numbers, stacked
+from schuler_papers.judging import Found, Value, plain
+from schuler_papers.outcome import Curve, Panel, Proof, Role
 from schuler_papers.tamazin2013.predictors import ACCELEROMETER, AR_METHODS, PAPER, RATE
 
+Stopping = Literal["family-wise", "single"]
 TRUTH = np.array([-2.5790, 2.1664, -0.5874])
 """A(z) with poles 0.999, 0.98 and 0.6."""
 TERMS = {((1,), (0,)), ((1, 3), (1, 1))}
@@ -59,36 +57,22 @@ def run_long(seed: int, size: Size) -> Numbers:
     return {name: np.asarray(value, dtype=np.float64) for name, value in found.items()}
 
 
-def figures_3_and_4(results: Results, size: Size) -> Outcome:
+def figures_3_and_4(results: Results, size: Size) -> Found:
     """The filter and its lattice are one; what the methods find."""
-    rows = [
-        Row(
-            "lattice against direct form, largest difference over the standard deviation",
-            float(stacked(results, "lattice_difference").max()),
-            printed="the same filter",
-            band=Band(0.0, 1e-10, "spec"),
-        )
-    ]
-    rows += [
-        Row(
-            f"a{k + 1} of AR(3) with poles 0.999, 0.98, 0.6 by {method}",
-            estimate(stacked(results, method)[:, k]),
-            printed=f"truth {truth:.4f}",
-            band=Band(truth - 0.02, truth + 0.02, "theory", standard_errors=2.0),
-        )
-        for k, truth in enumerate(TRUTH.tolist())
-        for method in ("burg", "covariance")
-    ]
-    rows.append(
-        Row(
-            "a1 of the same by Yule-Walker",
-            estimate(stacked(results, "yule-walker")[:, 0]),
-            printed=f"truth {TRUTH[0]:.4f}",
-            band=Band(-1.9, -1.0, "spec", "-1.34 in a record of 200 000"),
-            verdict="beyond the paper",
-            reason="the window biases it beyond use where poles are near one, in long records too",
-        )
-    )
+    found = {m: stacked(results, m) for m in AR_METHODS}
+    values: dict[str, Value] = {
+        "lattice": float(stacked(results, "lattice_difference").max()),
+        "coefficients": np.stack([found["burg"], found["covariance"]], axis=2),
+        "yule-walker": found["yule-walker"],
+    }
+    window = Proof(
+        "on the same record least squares finds -2.579 and the windowed autocorrelation does not",
+        float(found["yule-walker"][:, 0].mean()), -2.4, -1.0, "counter-experiment",
+    )  # fmt: skip
+    return Found(values, proofs={"window": window}, panels=(_spectra(results),))
+
+
+def _spectra(results: Results) -> Panel:
     names = ("truth", "Burg", "covariance", "Yule-Walker")
     values = [
         TRUTH,
@@ -101,7 +85,7 @@ def figures_3_and_4(results: Results, size: Size) -> Outcome:
         process = Autoregressive(tuple(a), 1.0, 1.0)
         psd = process.psd(frequency, onesided=False)
         curves.append(Curve(name, frequency, psd, role, "dash" if name == "truth" else "line"))
-    panel = Panel(
+    return Panel(
         "Spectrum of the fitted models",
         "cycles a sample",
         "density",
@@ -110,28 +94,16 @@ def figures_3_and_4(results: Results, size: Size) -> Outcome:
         log_x=True,
         log_y=True,
     )
-    return Outcome(tuple(rows), (panel,))
 
 
-def energies(results: Results, size: Size) -> Outcome:
+def energies(results: Results, size: Size) -> Found:
     """Small slips in the equations."""
-    rule = stacked(results, "energy_rule")
-    rows = (
-        Row(
-            "E_k over (1 - γ²) E_(k-1) of Burg's forward errors, largest deviation from 1",
-            estimate(np.abs(rule - 1.0).max(axis=1)),
-            printed=0.0,
-            band=Band(1e-4, 2.0, "theory", "not zero in a record of 300 samples"),
-            verdict="wrong in the paper",
-            reason="(9f) holds for Levinson's recursion, not for the energies of Burg's errors",
-            erratum="E-003-9",
-        ),
-    )
-    note = (
-        "Of the same kind: (5) lacks 1/N, the sums of (13) start at k+1, '(12) into (13)' should "
-        "be into (10), '(6)' before (24) should be (14)."
-    )
-    return Outcome(rows, (), (note,))
+    deviation = np.abs(stacked(results, "energy_rule") - 1.0).max(axis=1)
+    proof = Proof(
+        "the energies of Burg's errors over a finite record do not follow (9f)",
+        float(deviation.min()), 1e-4, 2.0, "counter-experiment",
+    )  # fmt: skip
+    return Found({"deviation": deviation}, proofs={"energies": proof})
 
 
 def run_short(seed: int, size: Size) -> Numbers:
@@ -148,35 +120,14 @@ def run_short(seed: int, size: Size) -> Numbers:
     return numbers(**{name.replace("-", "_"): count / records for name, count in bad.items()})
 
 
-def stability(results: Results, size: Size) -> Outcome:
+def stability(results: Results, size: Size) -> Found:
     """Which method may give an unstable model."""
-    rows = (
-        Row(
-            "unstable models by Yule-Walker, 60 samples, order 6",
-            estimate(stacked(results, "yule_walker")),
-            printed="'does not guarantee a stable solution'",
-            band=Band(0.0, 0.0, "theory", "|γ| < 1 always"),
-            verdict="wrong in the paper",
-            reason="with the biased autocorrelation it always is: the paper's own |γ| < 1",
-            erratum="E-003-7",
-        ),
-        Row(
-            "unstable models by Burg",
-            estimate(stacked(results, "burg")),
-            band=Band(0.0, 0.0, "theory", "|γ| <= 1 always"),
-            verdict="beyond the paper",
-        ),
-        Row(
-            "unstable models by the covariance method",
-            estimate(stacked(results, "covariance")),
-            printed="not mentioned",
-            band=Band(0.25, 0.6, "spec", "122 of 300"),
-            verdict="wrong in the paper",
-            reason="it is this method that gives no guarantee",
-            erratum="E-003-7",
-        ),
-    )
-    return Outcome(rows)
+    worst = float(stacked(results, "yule_walker").max())
+    bounded = Proof(
+        "the biased autocorrelation is positive definite, so |γ| < 1 (Levinson): none is unstable",
+        worst, 0.0, 0.0, "bound",
+    )  # fmt: skip
+    return Found(plain(results, size).values, proofs={"bounded": bounded})
 
 
 def run_sparse(seed: int, size: Size) -> Numbers:
@@ -217,87 +168,11 @@ def run_sparse(seed: int, size: Size) -> Numbers:
     )
 
 
-def search(results: Results, size: Size) -> Outcome:
-    """What the search finds, and when it should stop."""
-    rows = (
-        Row(
-            "share of runs with exactly the true terms, threshold for the best of 54",
-            estimate(stacked(results, "family_wise")),
-            band=Band(0.85, 1.0, "spec", standard_errors=2.0),
-            verdict="beyond the paper",
-            reason="the threshold must allow for choosing the best of many",
-        ),
-        Row(
-            "the same with the threshold of one candidate, 4/N",
-            estimate(stacked(results, "single")),
-            printed="4/N",
-            band=Band(0.0, 0.5, "spec", "0.17"),
-            verdict="reproduced in kind",
-            reason="one in twenty false candidates passes",
-            erratum="E-003-11",
-        ),
-        Row(
-            "false terms a run with 4/N",
-            estimate(stacked(results, "false_terms")),
-            printed="none mentioned",
-            band=Band(1.0, 5.0, "spec", "about 3 of 65"),
-            verdict="reproduced in kind",
-            erratum="E-003-11",
-        ),
-        Row(
-            "share of AR(2) series in which just lags 1 and 2 are found",
-            estimate(stacked(results, "two_lags")),
-            band=Band(0.85, 1.0, "spec", "95 %", standard_errors=2.0),
-            verdict="beyond the paper",
-        ),
-        Row(
-            "held-out error with products (4/N) over that without, Gaussian AR(2)",
-            estimate(stacked(results, "quadratic_loss")),
-            printed=2e-16 / 3e-14,
-            band=Band(1.0, 1.05, "spec", standard_errors=2.0),
-            verdict="wrong in the paper",
-            reason="for Gaussian data the best predictor is linear",
-            erratum="E-003-11",
-        ),
-    )
-    return Outcome(rows)
-
-
-def cancellation(results: Results, size: Size) -> Outcome:
+def cancellation(results: Results, size: Size) -> Found:
     """Errors the size of an epsilon."""
-    rows = (
-        Row(
-            "smallest step that the recursion (28) can resolve in a signal around 9.8 m/s²",
-            float(np.spacing(9.8**2)),
-            printed=3e-14,
-            unit="(m/s²)²",
-            band=Band(1.4e-14, 1.5e-14, "theory", "the rounding of 9.8²"),
-            verdict="wrong in the paper",
-            reason="(28) subtracts from the mean square of the signal: errors of 3·10⁻¹⁴ and "
-            "2·10⁻¹⁶ are its rounding",
-            erratum="E-003-3",
-        ),
-        Row(
-            "2·10⁻¹⁶ over the epsilon of double precision",
-            2e-16 / float(np.finfo(np.float64).eps),
-            printed="a mean square error",
-            band=Band(0.5, 2.0, "theory"),
-            verdict="wrong in the paper",
-            reason="the smallest printed error is a rounding, not an error of a sensor",
-            erratum="E-003-3",
-        ),
-        Row(
-            "ours, centred and scaled first: recursion over the explicit error, around 9.8",
-            estimate(stacked(results, "recursion")),
-            band=Band(0.99, 1.01, "spec", "4.3"),
-            verdict="beyond the paper",
-        ),
-        Row(
-            "explicit error, never negative",
-            float(stacked(results, "explicit").min()),
-            unit="(m/s²)²",
-            band=Band(5e-324, math.inf, "spec", "a sum of squares"),
-            verdict="beyond the paper",
-        ),
-    )
-    return Outcome(rows)
+    values: dict[str, Value] = {
+        "step": float(np.spacing(9.8**2)),
+        "epsilons": 2e-16 / float(np.finfo(np.float64).eps),
+        "recursion": stacked(results, "recursion"),
+    }
+    return Found(values)

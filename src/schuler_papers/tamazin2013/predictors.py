@@ -10,21 +10,28 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from schuler.denoising import denoise
-from schuler.estimation.autoregressive.fit import fit_ar, fit_ar_orders
-from schuler.estimation.innovation_floor import innovation_variance_of_signal
-from schuler.estimation.orthogonal_search.protocol import search_by_protocol
-from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
-from schuler.estimation.prediction import compare_predictors, multi_step_ar
-from schuler.noise import GaussMarkov, Process, RandomWalk, WhiteNoise
-from schuler.types import FloatArray
-from schuler.units import STANDARD_GRAVITY, scale
-from schuler_papers.experiment import Numbers, Size, generator, numbers
+from schuler import (
+    GaussMarkov,
+    Process,
+    RandomWalk,
+    WhiteNoise,
+    compare_predictors,
+    denoise,
+    fast_orthogonal_search,
+    fit_ar,
+    fit_ar_orders,
+    innovation_variance_of_signal,
+    multi_step_ar,
+    read_imu,
+    search_by_protocol,
+)
+from schuler_papers.experiment import FloatArray, Numbers, Size, generator, numbers
 
 ArMethod = Literal["yule-walker", "covariance", "burg"]
 
@@ -34,7 +41,7 @@ ORDERS = np.arange(1, 11)
 SECOND_DEGREE_LAGS = np.array([1, 2, 3, 4, 6, 10])
 AR_METHODS: tuple[ArMethod, ...] = ("yule-walker", "covariance", "burg")
 METHODS = (*AR_METHODS, "FOS, degree 1")
-DEG_H = scale("deg/h", "angular rate")
+DEG_H = math.radians(1.0) / 3600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +75,7 @@ class Sensor:
 ACCELEROMETER = Sensor(
     "accelerometer",
     WhiteNoise(1e-3) + GaussMarkov(2e-3, 100.0) + RandomWalk(1e-5),
-    4.0 * STANDARD_GRAVITY / 2**16,
+    4.0 * 9.80665 / 2**16,
     1.0,
     3e-11,
     5e-9,
@@ -76,7 +83,7 @@ ACCELEROMETER = Sensor(
 GYRO = Sensor(
     "gyro",
     WhiteNoise(100.0 * DEG_H) + GaussMarkov(60.0 * DEG_H, 100.0) + RandomWalk(1.0 * DEG_H),
-    200.0 * scale("deg/s", "angular rate") / 2**16,
+    200.0 * math.radians(1.0) / 2**16,
     DEG_H,
     5e-6,
     2e-6,
@@ -95,8 +102,6 @@ def run_gyro(seed: int, size: Size) -> Numbers:
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
     """Compare predictors on the y accelerometer of the six static ADIS16405 recordings."""
-    from schuler.io import read_imu
-
     imu = read_imu(folder / "adis16405-static" / f"imu{seed % 6 + 1}.parquet")
     samples = round((1200.0 if size == "quick" else 3600.0) * imu.rate)
     raw = imu.accel[:samples, 1] - imu.accel[:samples, 1].mean()
@@ -213,8 +218,11 @@ def _in_unit(process: Process, unit: float) -> Process:
 
 
 def _seconds(train: FloatArray) -> Numbers:
-    """CPU time of fits of order 10 on the same samples."""
+    """CPU time of fits of orders 10 and 1 on the same samples."""
+    return numbers(seconds=_costs(train, 10), seconds_1=_costs(train, 1))
 
+
+def _costs(train: FloatArray, order: int) -> list[float]:
     def cost(fit: Callable[[], object]) -> float:
         best = math.inf
         for _ in range(3):
@@ -223,9 +231,6 @@ def _seconds(train: FloatArray) -> Numbers:
             best = min(best, time.process_time() - start)
         return best
 
-    linear = [cost(lambda m=m: fit_ar_orders(train, 10, m)) for m in AR_METHODS]  # type: ignore[misc]
-    linear += [
-        cost(lambda d=d: fast_orthogonal_search(train, 10, d, 10, stopping=None))  # type: ignore[misc]
-        for d in (1, 2)
-    ]
-    return numbers(seconds=linear)
+    linear = [cost(partial(fit_ar_orders, train, order, m)) for m in AR_METHODS]
+    search = partial(fast_orthogonal_search, train, order, stopping=None)
+    return [*linear, *(cost(partial(search, degree=d, max_terms=10)) for d in (1, 2))]

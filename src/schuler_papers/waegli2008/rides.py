@@ -11,21 +11,23 @@ from typing import Literal
 
 import numpy as np
 
-from schuler.arrays.geometry import orthogonal_mounting, tetrahedron_mounting
-from schuler.data import CHANNELS, GnssRecording, ImuArray, Mounting, Trajectory
-from schuler.noise import GaussMarkov, NoiseModel, WhiteNoise
-from schuler.rotations import euler_from_dcm
-from schuler.simulation import (
-    L1_CODE,
-    RTK_FIXED,
+from schuler import (
+    GaussMarkov,
     GnssGrade,
+    GnssRecording,
+    ImuArray,
+    Mounting,
+    NoiseModel,
+    Trajectory,
+    WhiteNoise,
+    euler_from_dcm,
     motorcycle,
     simulate_array,
     simulate_receiver,
     ski,
+    tetrahedron_mounting,
 )
-from schuler.types import FloatArray
-from schuler_papers.experiment import Size, generator
+from schuler_papers.experiment import FloatArray, Size, generator
 
 PAPER = "waegli2008"
 RATE = 100.0
@@ -45,18 +47,21 @@ RADIUS = 0.04
 """Of the tetrahedron, m."""
 
 Receiver = Literal["L1", "L1/L2"]
-GRADES: dict[Receiver, GnssGrade] = {"L1": L1_CODE, "L1/L2": RTK_FIXED}
+GRADES: dict[Receiver, GnssGrade] = {
+    "L1": GnssGrade("L1 code", 5, (0.6, 0.6, 0.9), (1.9, 1.9, 2.85), 60.0, (0.05, 0.05, 0.08)),
+    "L1/L2": GnssGrade(
+        "RTK fixed", 1, (0.015, 0.015, 0.03), (0.02, 0.02, 0.04), 60.0, (0.03, 0.03, 0.05)
+    ),
+}
+CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
 
 def mti(bias: float = 1.0, gyro_time: float = GYRO_TIME) -> NoiseModel:
     """Return the noise of one of the paper's MTi."""
     gyro = WhiteNoise(GYRO_SD / np.sqrt(RATE)) + GaussMarkov(bias * GYRO_BIAS, gyro_time)
     accel = WhiteNoise(ACCEL_SD / np.sqrt(RATE)) + GaussMarkov(bias * ACCEL_BIAS, ACCEL_TIME)
-    return NoiseModel(
-        {c: gyro if c.startswith("gyro") else accel for c in CHANNELS},
-        rate=RATE,
-        source="MTi as in Waegli 2008",
-    )
+    processes = {c: gyro if c.startswith("gyro") else accel for c in CHANNELS}
+    return NoiseModel(processes, rate=RATE, source="MTi as in Waegli 2008")
 
 
 class Ride:
@@ -89,7 +94,7 @@ class Ride:
             standstill, moving = 60.0, 60.0
             self.profile = ski(standstill, moving, rng.spawn(1)[0])
             mounting = Mounting(
-                orthogonal_mounting(len(biases)).rotation,
+                Mounting.aligned(len(biases)).rotation,
                 np.array([[0.03 * (-1.0) ** i, 0.0, 0.0] for i in range(len(biases))]),
             )
         else:

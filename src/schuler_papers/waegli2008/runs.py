@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any, Literal
+
 import numpy as np
 
-from schuler.evaluation.mechanizations import (
+from schuler import (
     MechanizationComparison,
+    NavigationSettings,
     bias_correlation,
     compare_mechanizations,
     trajectory_errors,
 )
-from schuler.navigation.mechanizations.navigate_array import Mechanization
-from schuler.navigation.settings import NavigationSettings
-from schuler.types import FloatArray
-from schuler_papers.experiment import Numbers, Size, numbers
+from schuler_papers.experiment import FloatArray, Numbers, Size, numbers
 from schuler_papers.waegli2008.rides import GRADES, Receiver, Ride
 
+Mechanization = Literal["single", "synthetic", "extended", "constrained", "system"]
 # roll, pitch, heading in degrees, as the paper has them
 UNITS = np.array([1.0] * 6 + [180.0 / np.pi] * 3)
 BIAS_STEP = 2.0
@@ -120,7 +121,7 @@ def _biases(ride: Ride, found: MechanizationComparison) -> Numbers:
     )
 
 
-def _gyro_bias(result, time: FloatArray) -> tuple[FloatArray, FloatArray]:  # type: ignore[no-untyped-def]
+def _gyro_bias(result: Any, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     solution = result.solution
     names = list(solution.sensor_error_names)
     value, sd = np.zeros((time.size, 3)), np.zeros((time.size, 3))

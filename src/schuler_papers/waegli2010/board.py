@@ -6,12 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.arrays.synthesis.cornered_hat import cornered_hat
-from schuler.arrays.synthesis.synthetic import synthesize
-from schuler.arrays.tracking import OnlineSettings
-from schuler.data import ImuArray, Mounting
-from schuler_papers.experiment import Numbers, Results, Size, estimate, numbers, stacked
-from schuler_papers.outcome import Band, Curve, Outcome, Panel, Row
+from schuler import ImuArray, Mounting, OnlineSettings, cornered_hat, read_array, synthesize
+from schuler_papers.experiment import Numbers, Results, Size, numbers, stacked
+from schuler_papers.judging import Found
+from schuler_papers.outcome import Curve, Panel
 
 TOP_SIDE, BOTTOM_SIDE = np.eye(3), np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Mountings of the chips on either side of the board."""
@@ -19,8 +17,6 @@ TOP_SIDE, BOTTOM_SIDE = np.eye(3), np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0],
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
     """Fuse two, four and eight gyros of the MIMU board at rest."""
-    from schuler.arrays.read import read_array
-
     name = ("run1", "run4", "run7")[seed % 3]
     array = read_array(
         folder / "mimu8-array" / f"{name}.parquet",
@@ -65,42 +61,19 @@ def still_part(array: ImuArray) -> tuple[float, float]:
     )
 
 
-def recording(results: Results, size: Size) -> Outcome:
+def recording(results: Results, size: Size) -> Found:
     """Eight real gyros at rest."""
     own, fused = stacked(results, "own"), stacked(results, "fused")
     weighted, hat = stacked(results, "weighted"), stacked(results, "hat")
-    law = [np.sqrt((own[:, :k] ** 2).sum(axis=1)) / k for k in (2, 4, 8)]
-    rows = [
-        Row(
-            f"noise of the mean of {count} gyros over √(Σσ²)/{count}",
-            estimate((fused[:, k] / law[k]).mean(axis=1)),
-            0.512 / 0.5 if count == 4 else None,
-            band=Band(0.9, 1.1, "theory", "independent sensors", standard_errors=2.0),
-            verdict="reproduced",
-        )
-        for k, count in enumerate((2, 4, 8))
-    ]
-    rows += [
-        Row("reduction by four gyros of one board", estimate(
-            (1.0 - fused[:, 1] / own[:, :4].mean(axis=1)).mean(axis=1)), 0.486,
-            band=Band(0.40, 0.52, "theory", "1/2 for equal ones, less for these"),
-            verdict="reproduced"),
-        Row("noisiest over quietest gyro of eight on x",
-            estimate(own[:, :, 0].max(axis=1) / own[:, :, 0].min(axis=1)),
-            "MTi 14 differs significantly", verdict="reproduced",
-            band=Band(3.0, 6.0, "frozen", "4.3 to 4.6 at the first full run")),
-        Row("weights by the cornered hat over equal weights, eight gyros",
-            estimate((weighted / fused[:, 2]).mean(axis=1)), 0.854, verdict="reproduced",
-            band=Band(0.65, 0.90, "frozen", "0.78 at the first full run"),
-            reason="chips of one type and one board differ as much as the paper's sensors"),
-        Row("noise by the cornered hat over that of the gyro itself, at rest",
-            estimate((hat / own).mean(axis=(1, 2))), verdict="beyond the paper",
-            band=Band(0.97, 1.03, "theory"), reason="no reference, and also right in motion"),
-        Row("smallest p-value of independent sensors, three axes",
-            float(stacked(results, "p_values").min()), "'independence is reasonable'",
-            band=Band(0.01, 1.0, "theory", "tested on the residuals' correlations"),
-            verdict="reproduced"),
-    ]  # fmt: skip
+    law = np.stack([np.sqrt((own[:, :k] ** 2).sum(axis=1)) / k for k in (2, 4, 8)], axis=1)
+    values = {
+        "over law": (fused / law).mean(axis=2),
+        "reduction": (1.0 - fused[:, 1] / own[:, :4].mean(axis=1)).mean(axis=1),
+        "spread": own[:, :, 0].max(axis=1) / own[:, :, 0].min(axis=1),
+        "weighted": (weighted / fused[:, 2]).mean(axis=1),
+        "hat": (hat / own).mean(axis=(1, 2)),
+        "independent": float(stacked(results, "p_values").min()),
+    }
     places = np.arange(8.0)
     panel = Panel(
         "Eight chips of one board at rest, x axis",
@@ -115,4 +88,4 @@ def recording(results: Results, size: Size) -> Outcome:
         "Noise of eight gyros, of their mean and of their weighted mean.",
         categories=tuple(f"chip {k + 1}" for k in range(8)),
     )
-    return Outcome(tuple(rows), (panel,))
+    return Found(values, panels=(panel,))

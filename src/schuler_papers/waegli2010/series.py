@@ -11,26 +11,24 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.curves.allan import allan_deviation
-from schuler.curves.autocorrelation import autocorrelation
-from schuler.estimation.arma.fit import fit_arma
-from schuler.estimation.arma.selection import select_arma
-from schuler.estimation.garch.arma_garch import fit_arma_garch
-from schuler.estimation.garch.conditional_variance import (
+from schuler import (
+    ARMA,
+    allan_deviation,
+    arch_lm_test,
+    autocorrelation,
     ewma_variance,
+    fast_orthogonal_search,
+    fit_arma,
+    fit_arma_garch,
+    fit_garch,
     garch_log_likelihood,
+    ljung_box_test,
+    read_imu,
+    robust_autocorrelation_band,
+    select_arma,
     simulate_garch,
 )
-from schuler.estimation.garch.fit import fit_garch
-from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
-from schuler.estimation.residuals.tests import (
-    arch_lm_test,
-    ljung_box_test,
-    robust_autocorrelation_band,
-)
-from schuler.noise.arma import ARMA
-from schuler.types import FloatArray
-from schuler_papers.experiment import Numbers, Size, generator, numbers
+from schuler_papers.experiment import FloatArray, Numbers, Size, generator, numbers
 
 PAPER = "waegli2010"
 RATE = 100.0
@@ -91,8 +89,6 @@ def run_garch(seed: int, size: Size) -> Numbers:
 
 def run_recording(seed: int, size: Size, folder: Path) -> Numbers:
     """Fit ARMA and GARCH to the x gyro of one of six static ADIS16405 recordings."""
-    from schuler.io import read_imu
-
     imu = read_imu(folder / "adis16405-static" / f"imu{seed % 6 + 1}.parquet")
     x = imu.gyro[:SAMPLES, 0]
     return _chained(x - x.mean(), None)
@@ -149,16 +145,24 @@ def _chained(x: FloatArray, true: FloatArray | None) -> Numbers:
         left_predictable=ljung_box_test(z, robust=True).p_value,
     )
     if true is not None:
-        whole = garch_log_likelihood(residual, *values)
-        without = garch_log_likelihood(residual, 1e-14, values[1], values[2])
-        found["without_alpha0"] = np.asarray(whole - without)
-        short = fit_garch(residual[:SHORT])
-        found["short_alpha0_p"] = np.asarray(short.p_values["alpha0"])
-        found["short_errors"] = np.array([short.standard_errors[name] for name in GARCH_NAMES])
+        found |= _against_truth(residual, values)
         shared = [np.log(variance), np.log(weighted)]
         found["log_correlation"] = np.array([np.corrcoef(s, np.log(true))[0, 1] for s in shared])
         found["true_volatility"] = np.sqrt(true[thin])
     return found
+
+
+def _against_truth(residual: FloatArray, values: list[float]) -> Numbers:
+    """What α₀ is worth, and the errors of a record as short as the paper's."""
+    whole = garch_log_likelihood(residual, *values)
+    without = garch_log_likelihood(residual, 1e-14, values[1], values[2])
+    short = fit_garch(residual[:SHORT])
+    return numbers(
+        without_alpha0=whole - without,
+        short_alpha0_p=short.p_values["alpha0"],
+        short_errors=[short.standard_errors[name] for name in GARCH_NAMES],
+        short_t=[short.t_values[name] for name in GARCH_NAMES],
+    )
 
 
 def run_tests(seed: int, size: Size) -> Numbers:

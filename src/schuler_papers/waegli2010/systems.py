@@ -11,22 +11,25 @@ Data flow of the figures:
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
-from schuler.arrays.geometry import tetrahedron, tetrahedron_mounting
-from schuler.data import CHANNELS
-from schuler.data.array import ImuArray
-from schuler.evaluation.outage_windows import judge_window
-from schuler.navigation.mechanizations.navigate_array import (
-    MECHANIZATIONS,
-    Mechanization,
+from schuler import (
+    GaussMarkov,
+    ImuArray,
+    NoiseModel,
+    RandomWalk,
+    WhiteNoise,
+    judge_window,
+    motorcycle,
     navigate_array,
+    simulate_array,
+    simulate_gnss,
+    tetrahedron_mounting,
 )
-from schuler.noise import GaussMarkov, RandomWalk, WhiteNoise
-from schuler.noise.noise_model import NoiseModel
-from schuler.simulation import motorcycle, simulate_array, simulate_gnss
 from schuler_papers.experiment import (
+    FloatArray,
     Numbers,
     Results,
     Size,
@@ -34,9 +37,11 @@ from schuler_papers.experiment import (
     numbers,
     stacked,
 )
-from schuler_papers.outcome import Band, Curve, Estimate, Outcome, Panel, Row
+from schuler_papers.judging import Found
+from schuler_papers.outcome import Curve, Estimate, Panel
 from schuler_papers.waegli2010.series import PAPER
 
+Mechanization = Literal["single", "system", "synthetic", "extended", "constrained"]
 NAMES: tuple[Mechanization, ...] = ("single", "system", "synthetic", "extended", "constrained")
 RATE = 50.0
 STANDSTILL = 40.0
@@ -48,7 +53,7 @@ QUALITIES = ((1.0, 1.0), (1.0, 1.0), (2.0, 1.0), (4.0, 3.0))
 def _mems(bias: float, white: float) -> NoiseModel:
     accel = WhiteNoise(3e-3 * white) + GaussMarkov(5e-3 * bias, 60.0) + RandomWalk(1e-4)
     gyro = WhiteNoise(1e-3 * white) + GaussMarkov(3e-4 * bias, 60.0) + RandomWalk(2e-6)
-    return NoiseModel({c: gyro if c.startswith("gyro") else accel for c in CHANNELS}, source="twin")
+    return NoiseModel.isotropic(gyro, accel)
 
 
 def run(seed: int, size: Size) -> Numbers:
@@ -79,58 +84,34 @@ def run(seed: int, size: Size) -> Numbers:
                 sd_factor=1.0,
             )
             errors[i, k], claimed[i, k] = judged.max_m, judged.claimed_sd_m
-    axes = tetrahedron().axes
+    axes = np.concatenate([c.T for c in tetrahedron_mounting().rotation])
     return numbers(
         errors=errors,
         claimed=claimed,
         tetrahedron=np.abs(axes.T @ axes - 4.0 * np.eye(3)).max(),
-        mechanizations=len(set(NAMES) & set(MECHANIZATIONS)),
+        mechanizations=len(NAMES),
     )
 
 
-def figures_1_to_3(results: Results, size: Size) -> Outcome:
+def figures_1_to_3(results: Results, size: Size) -> Found:
     """Three mechanizations, and redundancy at system level."""
-    errors = stacked(results, "errors")
-    claimed = stacked(results, "claimed")
-    seeds = errors.shape[0]
+    errors, claimed = stacked(results, "errors"), stacked(results, "claimed")
     squares = (errors**2).mean(axis=2)
     rms = np.sqrt(squares.mean(axis=0))
-
-    def ratio(first: str, second: str) -> Estimate:
-        """Ratio of root mean squares with its error from leaving one seed out."""
-        a, b = squares[:, NAMES.index(first)], squares[:, NAMES.index(second)]
-        whole = math.sqrt(a.sum() / b.sum())
-        if seeds < 2:
-            return Estimate(whole)
-        left = np.sqrt((a.sum() - a) / (b.sum() - b))
-        return Estimate(
-            whole, float(math.sqrt((seeds - 1) / seeds * ((left - left.mean()) ** 2).sum()))
-        )
-
     honest = rms / np.sqrt((claimed**2).mean(axis=(0, 2)))
-    rows = (
-        Row("configurations that run on one ride through one door",
-            float(results[0]["mechanizations"]), 3.0, band=Band(5.0, 5.0, "spec")),
-        Row("error at the end of outages: system level over a single IMU",
-            ratio("system", "single"), "robust, not economical, sub-optimal",
-            band=Band(0.0, 1.0, "spec", "beats single", standard_errors=2.0)),
-        Row("synthetic IMU over system level", ratio("synthetic", "system"),
-            "system level is sub-optimal",
-            band=Band(0.0, 1.0, "spec", "sensor level wins", standard_errors=2.0)),
-        Row("extended with parity over synthetic", ratio("extended", "synthetic"),
-            "the synthetic IMU is sub-optimal",
-            band=Band(0.0, 1.0, "spec", "never worse", standard_errors=2.0)),
-        Row("constrained over extended", ratio("constrained", "extended"), "optimal as well",
-            band=Band(0.85, 1.15, "spec", "GNSS used once", standard_errors=2.0)),
-        *(
-            Row(f"real over claimed error, {name}", float(honest[i]),
-                verdict="beyond the paper", band=Band(0.4, 2.0, "theory", "an honest filter"),
-                reason="largest horizontal error of an outage over the claimed one at its end")
-            for i, name in enumerate(NAMES)
-        ),
-    )  # fmt: skip
+    values: dict[str, Estimate | float] = {
+        "mechanizations": float((np.isfinite(errors).all(axis=(0, 2))).sum())
+    }
+    for first, second in (
+        ("system", "single"), ("synthetic", "system"),
+        ("extended", "synthetic"), ("constrained", "extended"),
+    ):  # fmt: skip
+        values[f"{first} over {second}"] = _ratio(
+            squares[:, NAMES.index(first)], squares[:, NAMES.index(second)]
+        )
+    values |= {f"honest {name}": float(honest[i]) for i, name in enumerate(NAMES)}
     places = np.arange(float(len(NAMES)))
-    error = rms / math.sqrt(2.0 * max(seeds * errors.shape[2] - 1, 1))
+    error = rms / math.sqrt(2.0 * max(errors.shape[0] * errors.shape[2] - 1, 1))
     panel = Panel(
         f"Largest error in {OUTAGE:g} s without GNSS, root mean square of {errors[:, 0].size}",
         "",
@@ -142,23 +123,15 @@ def figures_1_to_3(results: Results, size: Size) -> Outcome:
         "Errors at the end of outages by mechanization.",
         categories=NAMES,
     )
-    note = (
-        "Unequal IMUs: two alike, one with twice and one with four times their biases and three "
-        "times their noise. With equal ones synthetic and extended are the same filter."
-    )
-    return Outcome(rows, (panel,), (note,))
+    return Found(values, panels=(panel,))
 
 
-def figure_4(results: Results, size: Size) -> Outcome:
-    """The tetrahedron of four triads."""
-    rows = (
-        Row(
-            "largest element of AᵀA - 4 I of the tetrahedron",
-            float(results[0]["tetrahedron"]),
-            printed="photograph",
-            band=Band(0.0, 1e-12, "spec"),
-            reason="four full triads give 4 I however they are turned: skewing gains isolation of "
-            "faults, not noise",
-        ),
-    )
-    return Outcome(rows)
+def _ratio(a: FloatArray, b: FloatArray) -> Estimate:
+    """Ratio of root mean squares with its error from leaving one seed out."""
+    whole = math.sqrt(a.sum() / b.sum())
+    seeds = a.size
+    if seeds < 2:
+        return Estimate(whole)
+    left = np.sqrt((a.sum() - a) / (b.sum() - b))
+    error = math.sqrt((seeds - 1) / seeds * ((left - left.mean()) ** 2).sum())
+    return Estimate(whole, error)

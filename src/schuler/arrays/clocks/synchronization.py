@@ -114,6 +114,7 @@ def synchronize(
         Mounting.aligned(len(recordings)) if mounting is None else mounting,
         tuple(names),
         (*history, *lines),
+        tuple(dict.fromkeys(line for r in recordings for line in r.assumptions)),
     )
     return Synchronization(array, tuple(clocks), base.name, gains)
 

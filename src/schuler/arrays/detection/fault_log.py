@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from schuler.arrays.redundant import TITLES, RedundantSensors, Sensor
 from schuler.arrays.tracking import Followed
+from schuler.data.to_dict import ToDict
 
 Kind = Literal["axis", "unit", "inconsistent", "missing"]
 
@@ -25,7 +26,7 @@ SHORTEST_GAP = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class FaultRecord:
+class FaultRecord(ToDict):
     """One fault.
 
     Parameters
@@ -52,6 +53,11 @@ class FaultRecord:
     taken_out : bool
         Whether the sensor was not used from then on, or only found to be off.
     """
+
+    JSON = (
+        "sensor kind name start_s=start stop_s=stop size statistic threshold "
+        "time_constant_s=time_constant other text"
+    )
 
     sensor: Sensor
     kind: Kind
@@ -90,23 +96,6 @@ class FaultRecord:
             who += f" or {self.other}" if self.other else ""
             return line + f"{who}{size.removeprefix(',').removesuffix(' so far')} ({shown})"
         return line + f"{who} taken out{size} ({shown})"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        nan = np.isnan(self.statistic)
-        return {
-            "sensor": self.sensor,
-            "kind": self.kind,
-            "name": self.name,
-            "start_s": self.start,
-            "stop_s": self.stop,
-            "size": self.size,
-            "statistic": None if nan else self.statistic,
-            "threshold": None if nan else self.threshold,
-            "time_constant_s": self.time_constant,
-            "other": self.other,
-            "text": self.text,
-        }
 
 
 def fault_records(followed: Followed, time_constants: tuple[float, ...]) -> tuple[FaultRecord, ...]:

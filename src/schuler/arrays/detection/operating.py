@@ -49,7 +49,35 @@ class OperatingCurve:
 def chi_square_power(
     geometry: Geometry, axis: int, size: ArrayLike, false_alarm_rate: ArrayLike
 ) -> FloatArray:
-    """Return the power of the chi-square test against a step on one axis."""
+    """Return the probability that the chi-square test sees a step on one axis.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Axes of the sensors.
+    axis : int
+        Which axis fails, from 0.
+    size : float or array_like
+        Of the step, in standard deviations of the axis.
+    false_alarm_rate : float or array_like
+        Of the test, 0 to 1.
+
+    Returns
+    -------
+    ndarray
+        Of the shape of `size` and `false_alarm_rate` together, 0 to 1.
+
+    Notes
+    -----
+    Non-central chi-square with the share of the step that shows in the residuals; S002 (2), (3).
+
+    Examples
+    --------
+    >>> import schuler
+    >>> four = schuler.Geometry.from_mounting(schuler.tetrahedron_mounting())
+    >>> round(float(schuler.chi_square_power(four, 0, 5.0, 0.05)), 2)
+    0.88
+    """
     from scipy.stats import chi2, ncx2
 
     share = figures_of_merit(geometry).residual_share[axis]

@@ -18,7 +18,37 @@ Criterion = Literal["counts", "probabilities"]
 
 
 def chi_square_threshold(deviation: float, false_alarm_rate: float, freedom: int) -> float:
-    """Return the threshold of D = f'f for sensors of equal noise."""
+    """Return the threshold of D = f'f for sensors of equal noise and a false-alarm rate.
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation of a sample of every sensor.
+    false_alarm_rate : float
+        Probability of an alarm in a sample without fault, 0 to 1.
+    freedom : int
+        Redundant axes: M - 3.
+
+    Returns
+    -------
+    float
+        In the square of the unit of `deviation`.
+
+    Raises
+    ------
+    InputError
+        A probability, deviation or number outside its range.
+
+    Notes
+    -----
+    S002 (2) and (3).
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(schuler.chi_square_threshold(0.0194, 0.05, 9), 5)
+    0.00637
+    """
     from scipy.stats import chi2
 
     if freedom < 1 or not 0.0 < false_alarm_rate < 1.0 or not deviation > 0.0:
@@ -33,7 +63,37 @@ def chi_square_threshold(deviation: float, false_alarm_rate: float, freedom: int
 def likelihood_statistics(
     measurements: ArrayLike, geometry: Geometry, variances: ArrayLike | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how well a fault of each axis, and of each unit, explains every sample."""
+    """Return how well a fault of each axis, and of each unit, explains every sample.
+
+    Parameters
+    ----------
+    measurements : (n, M) array_like
+        One column for each axis.
+    geometry : Geometry
+        Axes and housings of the sensors.
+    variances : (M,) array_like, optional
+        Of a sample of each axis; one if not given.
+
+    Returns
+    -------
+    axis : (n, M) ndarray
+        Gain in the log likelihood, times two, if this axis alone is at fault.
+    unit : (n, k) ndarray
+        The same for all axes of one housing together.
+
+    Notes
+    -----
+    The chi-square statistic D of S002 (2) says that something is wrong, these say what.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> four = schuler.Geometry.from_mounting(schuler.tetrahedron_mounting())
+    >>> step = np.zeros((1, 12))
+    >>> step[0, 4] = 6.0
+    >>> int(schuler.likelihood_statistics(step, four)[0].argmax())
+    4
+    """
     ell = np.atleast_2d(np.asarray(measurements, dtype=np.float64))
     s = np.ones(geometry.count) if variances is None else np.asarray(variances, dtype=np.float64)
     fit = least_squares(geometry.axes, s)
@@ -129,7 +189,39 @@ class EmpiricalThreshold:
 def threshold_performance(
     statistic: ArrayLike, faulty: ArrayLike, threshold: float, criterion: Criterion = "counts"
 ) -> EmpiricalThreshold:
-    """Return how a given threshold does."""
+    """Return how a given threshold does on labelled samples.
+
+    Parameters
+    ----------
+    statistic : (n,) array_like
+        D of every sample.
+    faulty : (n,) array_like of bool
+        Which samples hold a fault.
+    threshold : float
+        An alarm is raised above it.
+    criterion : {"counts", "probabilities"}
+        How its cost is counted.
+
+    Returns
+    -------
+    EmpiricalThreshold
+        With missed faults and false alarms.
+
+    Raises
+    ------
+    InputError
+        Shapes that differ.
+
+    Notes
+    -----
+    S002 Fig. 7.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.threshold_performance([0.1, 0.9], [False, True], 0.95).missed_share
+    1.0
+    """
     d, bad = np.asarray(statistic, dtype=np.float64), np.asarray(faulty, dtype=bool)
     if d.shape != bad.shape or d.ndim != 1:
         raise InputError(f"statistics {d.shape} and labels {bad.shape}", expected="(n,) both")
@@ -147,7 +239,37 @@ def threshold_performance(
 def empirical_threshold(
     statistic: ArrayLike, faulty: ArrayLike, criterion: Criterion = "counts"
 ) -> EmpiricalThreshold:
-    """Return the threshold that makes false alarms and missed faults fewest."""
+    """Return the threshold that makes false alarms and missed faults fewest.
+
+    Parameters
+    ----------
+    statistic : (n,) array_like
+        D of every sample.
+    faulty : (n,) array_like of bool
+        Which samples hold a fault.
+    criterion : {"counts", "probabilities"}
+        Smallest number of both errors, or smallest sum of their probabilities.
+
+    Returns
+    -------
+    EmpiricalThreshold
+        The threshold, and how many faults it misses and alarms it raises in vain.
+
+    Raises
+    ------
+    InputError
+        Shapes that differ, or only one kind of sample.
+
+    Notes
+    -----
+    S002 Fig. 7.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.empirical_threshold([0.1, 0.2, 0.9, 1.0], [False, False, True, True]).threshold
+    0.2
+    """
     d, bad = np.asarray(statistic, dtype=np.float64), np.asarray(faulty, dtype=bool)
     if d.shape != bad.shape or d.ndim != 1:
         raise InputError(f"statistics {d.shape} and labels {bad.shape}", expected="(n,) both")

@@ -54,7 +54,46 @@ def conditional_noise(
     arma: tuple[int, int] = (0, 0),
     tensor: FloatArray | None = None,
 ) -> ConditionalNoise:
-    """Return one-step-ahead means and variances of redundant sensors."""
+    """Return one-step-ahead means and variances of every axis of redundant sensors.
+
+    Parameters
+    ----------
+    sensors : RedundantSensors
+        Gyros or accelerometers of an array, from `redundant_sensors`.
+    learning : int
+        Samples at the beginning on which ARMA and GARCH are fitted.
+    settings : OnlineSettings
+        How residuals are formed.
+    arma : tuple of int
+        Orders (p, q) of the mean; (0, 0) models the variance alone.
+    tensor : (n, 3, 3) ndarray, optional
+        Centripetal and angular accelerations that lever arms turn into specific force, 1/s².
+
+    Returns
+    -------
+    ConditionalNoise
+        Mean (n, M) and variance (n, M) given the past, in rad/s or m/s² and their squares.
+
+    Raises
+    ------
+    EstimationError
+        Fewer than 500 samples to learn from, or sensors that cannot be told apart.
+
+    Notes
+    -----
+    S000 equations (7) to (12); residuals are unmixed as `cornered_hat` does.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> gyro = np.random.default_rng(0).normal(size=(2000, 4, 3))
+    >>> array = schuler.ImuArray(
+    ...     np.arange(2000) / 100.0, gyro, np.full(gyro.shape, np.nan), schuler.Mounting.aligned(4)
+    ... )
+    >>> sensors = schuler.redundant_sensors(array, "gyro")
+    >>> schuler.conditional_noise(sensors, 1000, schuler.OnlineSettings()).variance.shape
+    (2000, 12)
+    """
     from schuler.estimation.garch.arma_garch import fit_arma_garch
     from schuler.estimation.garch.conditional_variance import ewma_variance
 

@@ -68,7 +68,42 @@ class CorneredHat:
 def cornered_hat(
     residuals: ArrayLike, axes: ArrayLike | None = None, *, method: Method = "nnls"
 ) -> CorneredHat:
-    """Return the variance of each of three or more redundant sensors."""
+    """Return the variance of each of three or more redundant sensors, without a reference.
+
+    Parameters
+    ----------
+    residuals : (n, M) array_like
+        Measurements of M sensors, or their residuals; rows with NaN are left out.
+    axes : (M, 3) array_like, optional
+        Sensitive axes; all along one line if not given.
+    method : {"nnls", "clip"}
+        Least squares without negative variances, or the plain solution with a floor.
+
+    Returns
+    -------
+    CorneredHat
+        Variances (M,) in the square of the unit of `residuals`, their standard errors, and the
+        probability of correlations as large as those found if the sensors were independent.
+
+    Raises
+    ------
+    InputError
+        Not two-dimensional, or fewer than two rows without gaps.
+    EstimationError
+        Sensors that cannot be told apart (fewer than three on one line), or no noise at all.
+
+    Notes
+    -----
+    Residuals against the mean of n sensors show (1 - 2/n) I + 11'/n² times the variances
+    (erratum E-000-11 of S000); this turns them back. Gray and Allan 1974, Proc. 28th FCS.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise = np.random.default_rng(0).normal(size=(20_000, 3)) * [1.0, 1.0, 3.0]
+    >>> schuler.cornered_hat(noise).deviations.round(1)
+    array([1., 1., 3.])
+    """
     x = np.asarray(residuals, dtype=np.float64)
     if x.ndim != 2:
         raise InputError(f"residuals of shape {x.shape}", expected="(n, M)")

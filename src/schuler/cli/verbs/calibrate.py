@@ -65,6 +65,8 @@ def calibrate(
     how the IMUs are turned, scale and misalignment, lever arms, biases, delays, each with its
     standard error, and how far the sensors are apart before and after.
 
+    Example: `schuler calibrate board.csv --out board.yaml --report board.html`
+
     Parameters
     ----------
     files : tuple of Path

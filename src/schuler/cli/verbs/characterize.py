@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from schuler.screening.screen import Screening
 
 MOST_FINDINGS = 8
+SHORTEST = 5.0
+"""Seconds below which nothing is said about motion."""
 NARROW = 110
 """Columns below which errors are written in brackets."""
 
@@ -41,6 +43,8 @@ def characterize(
     Reads the log, screens it, computes the Allan deviation with its confidence, fits white
     noise, Gauss-Markov, random walk and what else the data support, and says how far the
     numbers can be trusted.
+
+    Example: `schuler characterize static.csv --noise-out noise.yaml --report noise.html`
 
     Parameters
     ----------
@@ -111,15 +115,27 @@ def screened(
     imu: ImuRecording, *, repair: bool, rest: bool = False
 ) -> tuple[ImuRecording, Screening]:
     """Return a recording that can be used, repaired when asked, and what is to be said of it."""
-    from schuler.screening.screen import longest_rest, screen
-    from schuler.screening.screen import repair as repair_recording
+    from schuler.screening.screen import longest_rest, repair_until_clean, screen
 
     screening = screen(imu)
     screening.require_usable()
     if rest:
         imu = longest_rest(imu, screening)
         screening = screen(imu)
-    return (repair_recording(imu, screening, close_up=True) if repair else imu), screening
+    return (repair_until_clean(imu, screening) if repair else imu), screening
+
+
+def _moved(screening: Screening) -> str:
+    """Say that a log is not one of a sensor at rest, and where it is."""
+    total = sum(stop - start for start, stop in screening.rest)
+    text = f"the sensor moved: it stood still for {total:.0f} of {screening.duration:.0f} s"
+    if not screening.rest:
+        return f"{text}; what follows holds motion, not noise alone"
+    start, stop = max(screening.rest, key=lambda r: r[1] - r[0])
+    return (
+        f"{text}, the longest from {start:.1f} to {stop:.1f} s; what follows holds motion, not "
+        "noise alone: --rest takes only the longest rest"
+    )
 
 
 def show_characterization(
@@ -130,8 +146,8 @@ def show_characterization(
     from schuler.report.sections.noise.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")
-    if not screening.static:
-        screen.finding("warning", moved_words(screening))
+    if not screening.static and screening.duration > SHORTEST:
+        screen.finding("warning", _moved(screening))
     narrow = screen.console.width < NARROW
     columns, rows = parameter_rows(result.noise_model, "datasheet", short=True, compact=narrow)
     screen.table(columns, rows, words=2)
@@ -145,16 +161,3 @@ def show_characterization(
     screen.findings(serious, most=MOST_FINDINGS)
     if screening.disturbed and not repaired:
         screen.line("--repair cuts out knocks and outliers before the fit.", "dim")
-
-
-def moved_words(screening: Screening) -> str:
-    """Say that a log is not one at rest, and what helps."""
-    from schuler.estimation.record import spell_duration
-
-    longest = max((b - a for a, b in screening.rest), default=0.0)
-    if longest <= 0.0:
-        return "the sensor does not lie still: these numbers hold motion as well as noise"
-    return (
-        "the sensor was moved: these numbers hold motion as well as noise; --rest takes only its "
-        f"longest rest, {spell_duration(longest)}"
-    )

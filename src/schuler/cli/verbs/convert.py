@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from schuler.cli.reading import AnyReading
+from schuler.cli.options.reading import AnyReading
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,9 +23,8 @@ def convert(
     *,
     to: str | None = None,
     kind: Annotated[Literal["imu", "gnss"] | None, Parameter(name=("--as",))] = None,
-    rate: float | None = None,
     topic: str = "/imu0",
-    reading: Annotated[AnyReading | None, Parameter(name="*")] = None,
+    reading: AnyReading = AnyReading(),
 ) -> int:
     """Write a recording, a trajectory or a noise model in another form.
 
@@ -40,9 +39,6 @@ def convert(
         Form to write, out of `schuler formats`; by default the ending of the target says it.
     kind : {"imu", "gnss"}, optional
         Which recording, of a file that holds both.
-    rate : float, optional
-        Of a noise model: samples a second, where it does not know them; of a recording without
-        time: its rate.
     topic : str
         Name of the ROS topic in files for ROS.
     reading : AnyReading, optional
@@ -53,13 +49,13 @@ def convert(
 
     outputs = Outputs(target, inputs=(source,))
     if source.suffix.lower() in {".yaml", ".yml"}:
-        _noise(outputs, source, target, to, rate, topic)
+        _noise(outputs, source, target, to, reading.rate, topic)
     else:
         track = _trajectory(source)
         if track is not None and kind is None:
             _write_track(outputs, track, target, to)
         else:
-            _recording(outputs, source, target, to, kind, (reading or AnyReading(), rate))
+            _recording(outputs, source, target, to, kind, reading)
     screen = Screen()
     for path in outputs.commit():
         screen.line(f"wrote {path}", "dim")
@@ -131,18 +127,17 @@ def _recording(
     target: Path,
     to: str | None,
     kind: Literal["imu", "gnss"] | None,
-    how: tuple[AnyReading, float | None],
+    reading: AnyReading,
 ) -> None:
     from schuler.cli.loading import load_gnss, load_imu
     from schuler.io.folder import file_in_folder
     from schuler.io.registry import format_of, recording_format
 
-    reading, rate = how
     form = recording_format(to or target.suffix)
     file = source if not source.is_dir() else file_in_folder(source, kind or "imu")
     holds = format_of(file).holds
     chosen = kind or ("imu" if "imu" in holds else "gnss")
-    options = reading.options(chosen) | ({} if rate is None else {"rate": rate})
+    options = reading.options(chosen)
     try:
         recording = (load_imu if chosen == "imu" else load_gnss)(source, options)
     except InputError:

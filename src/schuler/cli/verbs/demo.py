@@ -64,6 +64,8 @@ def demo(*, data: Path | None = None, out: Path = Path("schuler-demo")) -> int:
     Without options the material is simulated: two hours of a MEMS sensor lying still, and ten
     minutes of it driving through a town with GNSS.
 
+    Example: `schuler demo --out first-look`
+
     Parameters
     ----------
     data : Path, optional

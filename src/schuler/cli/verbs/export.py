@@ -24,6 +24,8 @@ def export(
 ) -> int:
     """Write a noise model or a trajectory in another form.
 
+    Example: `schuler export noise.yaml imu.yaml --to kalibr`
+
     Parameters
     ----------
     source : Path

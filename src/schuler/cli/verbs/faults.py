@@ -81,6 +81,8 @@ def faults(
 ) -> int:
     """Look for faulty sensors among the IMUs on one body; exit code 1 when there are any.
 
+    Example: `schuler faults board/ --calibration board.yaml --report faults.html`
+
     Parameters
     ----------
     files : tuple of Path

@@ -69,6 +69,8 @@ def fuse(
     Weighs every sensor by what redundancy shows of its noise, with the past alone, and says how
     much better the result is.
 
+    Example: `schuler fuse board/ --calibration board.yaml --out fused.parquet`
+
     Parameters
     ----------
     files : tuple of Path

@@ -65,6 +65,9 @@ def navigate(
 
     Aligns the IMU, finds time offsets, runs an error-state Kalman filter over IMU and GNSS, and
     smooths the result when asked.
+
+    Example: `schuler navigate --imu imu.csv --gnss gnss.csv --noise noise.yaml --smooth`
+
     """
     from schuler.io.trajectory import check_trajectory_name
 
@@ -157,6 +160,8 @@ def _require_for_arrays(
     """Raise for what an array cannot take, by the names of the options."""
     from schuler.navigation.mechanizations.navigate_array import MECHANIZATIONS
 
+    if answer.smooth and answer.lag is not None:
+        raise InputError("--smooth and --lag with --array", expected="one of them")
     names = (ALL, *MECHANIZATIONS)
     if several.mechanization not in names:
         raise InputError(f"mechanization '{several.mechanization}'", expected=" or ".join(names))

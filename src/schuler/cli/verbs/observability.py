@@ -30,6 +30,9 @@ def observability(
     Ranks and singular values over the most different stretches of the run, information of all
     fixes against the prior, and what the filter learnt; in words. For an array the synthetic and
     the extended filter, without and with parity.
+
+    Example: `schuler observability --imu imu.csv --gnss gnss.csv --report observability.html`
+
     """
     files = several.files(run.imu)
     job = Job(written, inputs=(*files, run.gnss, run.noise))

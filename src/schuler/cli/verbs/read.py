@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from schuler.cli.reading import AnyReading
+from schuler.cli.options.reading import AnyReading
 
 if TYPE_CHECKING:
     from schuler.data import GnssRecording, ImuRecording
@@ -20,7 +20,7 @@ def read(
     kind: Annotated[Literal["imu", "gnss"] | None, Parameter(name=("--as",))] = None,
     save_profile: Path | None = None,
     json: Path | None = None,
-    reading: Annotated[AnyReading | None, Parameter(name="*")] = None,
+    reading: AnyReading = AnyReading(),
 ) -> int:
     """Read a file and say what is in it and what was taken for granted.
 
@@ -44,7 +44,7 @@ def read(
     from schuler.io.profile import save_profile as write_profile
     from schuler.io.registry import format_of
 
-    how = reading or AnyReading()
+    how = reading
     outputs = Outputs(json, inputs=(file,))
     place = file_in_folder(file, kind or "imu") if file.is_dir() else file
     form = format_of(place)

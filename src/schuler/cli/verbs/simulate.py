@@ -32,6 +32,8 @@ def simulate(
 ) -> int:
     """Simulate a drive: IMU, GNSS and truth, in a folder that the other commands read by name.
 
+    Example: `schuler simulate drive --duration 600 --outage 300:30`
+
     Parameters
     ----------
     out : Path
@@ -124,17 +126,17 @@ def description(
     """Return what was simulated as plain values: the options given, and what was drawn."""
     from dataclasses import asdict
 
-    from schuler.cli.outputs import plain_values
+    from schuler.data.to_dict import plain
 
     noise = scenario.noise_model
     return {
         "motion": scenario.motion,
         "seed": moved.seed,
-        "imu": plain_values(asdict(sensor)),
-        "gnss": plain_values(asdict(gnss)),
+        "imu": plain(asdict(sensor)),
+        "gnss": plain(asdict(gnss)),
         "faults_asked_for": list(moved.fault),
         "noise_model": None if noise is None else noise.source,
-        "outcome": plain_values(drive.log),
+        "outcome": plain(drive.log),
         "samples": [imu.size for imu in drive.imus],
         "fixes": drive.gnss.size,
         "files": "imu*: what the IMU recorded; gnss: what the receiver recorded; truth: position, "

@@ -33,6 +33,8 @@ def tune(
     10 s, over one factor each on white noise and bias walk of accelerometers and gyros, with 95 %
     intervals, and what the common factors 1, 3, 10, 30 and 100 would cost.
 
+    Example: `schuler tune --imu imu.csv --gnss gnss.csv --noise noise.yaml --noise-out tuned.yaml`
+
     Parameters
     ----------
     imu : Path

@@ -12,6 +12,9 @@ def warm() -> None:
     """Compile all kernels now, so that the first real run does not wait for it.
 
     The result is kept on disk until schuler or Numba changes; SCHULER_CACHE_DIR chooses where.
+
+    Example: `schuler warm`
+
     """
     from schuler.cli.rehearsal import REHEARSALS
     from schuler.kernels.compile import cache_directory

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.data.to_dict import ToDict, plain
 from schuler.estimation.arma.likelihood import innovations
 from schuler.estimation.residuals.tests import ResidualTests
 from schuler.estimation.signals import checked_signal
@@ -39,7 +40,7 @@ class ArmaCandidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmaFit:
+class ArmaFit(ToDict):
     """x(t) = constant + sum phi_i x(t-i) + e(t) + sum theta_j e(t-j), fitted.
 
     Parameters
@@ -77,6 +78,8 @@ class ArmaFit:
     candidates : tuple of ArmaCandidate
         The orders that `select_arma` compared.
     """
+
+    JSON = "poles zeros log_likelihood aic bic samples rate converged flags diagnostics candidates"
 
     phi: FloatArray
     theta: FloatArray
@@ -165,39 +168,14 @@ class ArmaFit:
         return np.asarray(np.asarray(signal, dtype=np.float64) - self.residuals(signal))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "p": self.order[0],
-            "q": self.order[1],
-            "parameters": {
-                key: {
-                    "value": value,
-                    "standard_error": self.standard_errors[key],
-                    "robust_standard_error": self.robust_standard_errors[key],
-                    "t_value": self.t_values.get(key),
-                    "p_value": self.p_values.get(key),
-                }
-                for key, value in self.values.items()
-            },
-            "poles": [[float(r.real), float(r.imag)] for r in self.poles],
-            "zeros": [[float(r.real), float(r.imag)] for r in self.zeros],
-            "log_likelihood": self.log_likelihood,
-            "aic": self.aic,
-            "bic": self.bic,
-            "samples": self.samples,
-            "rate": self.rate,
-            "converged": self.converged,
-            "flags": list(self.flags),
-            "diagnostics": self.diagnostics.to_dict() if self.diagnostics else None,
-            "candidates": [
-                {
-                    "p": c.p,
-                    "q": c.q,
-                    "log_likelihood": c.log_likelihood,
-                    "aic": c.aic,
-                    "bic": c.bic,
-                    "rejected": c.rejected,
-                }
-                for c in self.candidates
-            ],
+        """Return plain values for JSON, in SI."""
+        named = {
+            "value": self.values,
+            "standard_error": self.standard_errors,
+            "robust_standard_error": self.robust_standard_errors,
+            "t_value": self.t_values,
+            "p_value": self.p_values,
         }
+        parameters = {k: {n: plain(v.get(k)) for n, v in named.items()} for k in self.values}
+        p, q = self.order
+        return ToDict.to_dict(self) | {"p": p, "q": q, "parameters": parameters}

@@ -92,7 +92,40 @@ class ArOrders:
 def fit_ar_orders(
     signal: ArrayLike, max_order: int, method: Method = "burg", *, remove_mean: bool = True
 ) -> ArOrders:
-    """Fit all orders from 1 to `max_order` at once."""
+    """Fit all orders from 1 to `max_order` at once.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at a constant rate, in u.
+    max_order : int
+        Highest order.
+    method : {"burg", "covariance", "yule-walker"}
+        As for `fit_ar`.
+    remove_mean : bool
+        Take the mean off first; an offset left in costs Yule-Walker (y_1² + y_N²)/N at every order.
+
+    Returns
+    -------
+    ArOrders
+        Innovation variance of every order from 0, in u², and criteria to choose by.
+
+    Raises
+    ------
+    InputError
+        A record that is too short for the order, or not finite.
+
+    Notes
+    -----
+    S003 equations (5) to (13); erratum E-003-6 for the mean.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> x = np.random.default_rng(0).normal(size=1000)
+    >>> schuler.fit_ar_orders(x, 3).innovation_variance.shape
+    (4,)
+    """
     series = _series(signal, max_order, method, remove_mean)
     return _in_units(_estimate(series, max_order, method), series, method, max_order)
 
@@ -195,7 +228,33 @@ def select_ar(
 
 
 def whiten_lattice(signal: ArrayLike, reflection: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Forward and backward prediction errors by the lattice of S003 Fig. 4, from rest."""
+    """Forward and backward prediction errors by the lattice of S003 Fig. 4, from rest.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples, in u, their mean taken off.
+    reflection : (p,) array_like
+        Reflection coefficients, first order first.
+
+    Returns
+    -------
+    forward, backward : (n,) ndarray
+        Prediction errors of order p, in u; the first p samples have an incomplete past.
+
+    Notes
+    -----
+    S003 Fig. 4 and equations (10) to (13).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> x = np.random.default_rng(0).normal(size=500)
+    >>> fit = schuler.fit_ar(x, 2, "burg")
+    >>> forward, _ = schuler.whiten_lattice(x - fit.mean, fit.reflection)
+    >>> bool(np.allclose(forward[2:], fit.residuals(x)))
+    True
+    """
     forward = np.array(signal, dtype=np.float64)
     if forward.ndim != 1:
         raise InputError(f"signal has shape {forward.shape}", expected="(n,)")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError, ModelError
 from schuler.noise import Process, WhiteNoise
 from schuler.noise.autoregressive import Autoregressive
@@ -36,7 +37,7 @@ class Caution:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArSelection:
+class ArSelection(ToDict):
     """Information criteria of all orders, on the same samples.
 
     Parameters
@@ -61,21 +62,9 @@ class ArSelection:
     bic: FloatArray
     samples: int
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON."""
-        return {
-            "criterion": self.criterion,
-            "order": self.order,
-            "mean_square_error": self.mean_square_error.tolist(),
-            "aic": self.aic.tolist(),
-            "aicc": self.aicc.tolist(),
-            "bic": self.bic.tolist(),
-            "samples": self.samples,
-        }
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArFit:
+class ArFit(ToDict):
     """An autoregressive model y(n) - mean = -sum a_k (y(n-k) - mean) + e(n).
 
     Parameters
@@ -105,6 +94,12 @@ class ArFit:
     selection : ArSelection or None
         How the order was chosen.
     """
+
+    JSON = (
+        "method order coefficients standard_errors reflection innovation_variance "
+        "innovation_standard_error mean_square_error poles stable mean samples rate solver "
+        "flags notes selection"
+    )
 
     coefficients: FloatArray
     innovation_variance: float
@@ -190,28 +185,6 @@ class ArFit:
         out = np.empty(data.size - self.order)
         one_step_residuals(data - self.mean, self.coefficients, self.order, out)
         return out
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, in SI."""
-        return {
-            "method": self.method,
-            "order": self.order,
-            "coefficients": self.coefficients.tolist(),
-            "standard_errors": self.standard_errors.tolist(),
-            "reflection": self.reflection.tolist(),
-            "innovation_variance": self.innovation_variance,
-            "innovation_standard_error": self.innovation_standard_error,
-            "mean_square_error": self.mean_square_error,
-            "poles": [[float(z.real), float(z.imag)] for z in self.poles],
-            "stable": self.stable,
-            "mean": self.mean,
-            "samples": self.samples,
-            "rate": self.rate,
-            "solver": self.solver,
-            "flags": list(self.flags),
-            "notes": list(self.notes),
-            "selection": None if self.selection is None else self.selection.to_dict(),
-        }
 
 
 def poles_of(coefficients: FloatArray) -> NDArray[np.complex128]:

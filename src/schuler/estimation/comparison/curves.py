@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.spectrum import SpectrumCurve
+from schuler.data.to_dict import ToDict
 from schuler.errors import SchulerError
 from schuler.noise import Process
 from schuler.noise.expected_correlation import expected_autocovariance
@@ -41,7 +42,7 @@ class CorrelationPoints:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Theory:
+class Theory(ToDict):
     """What a process says the curves are; None where it cannot say.
 
     Parameters
@@ -57,11 +58,6 @@ class Theory:
     allan: FloatArray | None
     density: FloatArray | None
     correlation: FloatArray | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return lists for JSON."""
-        named = {"allan": self.allan, "density": self.density, "correlation": self.correlation}
-        return {k: None if v is None else v.tolist() for k, v in named.items()}
 
 
 def correlation_points(values: FloatArray, rate: float) -> CorrelationPoints:

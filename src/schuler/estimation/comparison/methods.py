@@ -13,6 +13,7 @@ from schuler.curves.allan import allan_deviation
 from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
 from schuler.data.imu import ImuRecording
+from schuler.data.to_dict import ToDict, plain
 from schuler.errors import EstimationError, InputError, SchulerError
 from schuler.estimation.comparison.curves import (
     CorrelationPoints,
@@ -67,7 +68,7 @@ class Volatility:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MethodComparison:
+class MethodComparison(ToDict):
     """What several methods say about one signal.
 
     Parameters
@@ -100,6 +101,11 @@ class MethodComparison:
         What is worth knowing, in plain language.
     """
 
+    JSON = (
+        "name rate_hz=rate samples structure agree parameters failures residuals "
+        "innovation_variance_floor=floor findings"
+    )
+
     name: str
     rate: float
     samples: int
@@ -123,33 +129,22 @@ class MethodComparison:
         return all(verdicts) if verdicts else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "name": self.name,
-            "rate_hz": self.rate,
-            "samples": self.samples,
-            "structure": self.structure,
-            "agree": self.agree,
-            "parameters": [p.to_dict() for p in self.parameters],
-            "methods": {m: {"method": m, **r.to_dict()} for m, r in self.results.items()},
-            "failures": dict(self.failures),
-            "residuals": {m: d.to_dict() for m, d in self.residuals.items()},
-            "innovation_variance_floor": self.floor,
-            "curves": {
-                "tau_s": self.allan.tau.tolist(),
-                "allan_deviation": self.allan.deviation.tolist(),
-                "frequency_hz": self.spectrum.frequency.tolist(),
-                "two_sided_density": self.spectrum.two_sided.tolist(),
-                "lag_s": self.correlation.lag.tolist(),
-                "correlation": self.correlation.correlation.tolist(),
-                "theory": {m: t.to_dict() for m, t in self.theory.items()},
-            },
-            "findings": list(self.findings),
+        """Return plain values for JSON, in SI."""
+        curves = {
+            "tau_s": self.allan.tau,
+            "allan_deviation": self.allan.deviation,
+            "frequency_hz": self.spectrum.frequency,
+            "two_sided_density": self.spectrum.two_sided,
+            "lag_s": self.correlation.lag,
+            "correlation": self.correlation.correlation,
+            "theory": self.theory,
         }
+        methods = {m: {"method": m, **r.to_dict()} for m, r in self.results.items()}
+        return ToDict.to_dict(self) | {"methods": methods, "curves": plain(curves)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuMethodComparison:
+class ImuMethodComparison(ToDict):
     """Several methods on every channel of a recording.
 
     Parameters
@@ -163,6 +158,8 @@ class ImuMethodComparison:
     duration : float
         Length in s.
     """
+
+    JSON = "recording=recording_name rate_hz=rate duration_s=duration channels"
 
     recording_name: str
     channels: dict[str, MethodComparison]
@@ -182,15 +179,6 @@ class ImuMethodComparison:
             for text in comparison.findings:
                 grouped.setdefault(text, []).append(name)
         return tuple(f"{', '.join(names)}: {text}" for text, names in grouped.items())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "recording": self.recording_name,
-            "rate_hz": self.rate,
-            "duration_s": self.duration,
-            "channels": {name: c.to_dict() for name, c in self.channels.items()},
-        }
 
 
 def compare_methods(

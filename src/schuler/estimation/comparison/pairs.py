@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 
 
@@ -52,7 +53,7 @@ class ComparedParameter:
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterComparison:
+class ParameterComparison(ToDict):
     """What two methods say about the same signal.
 
     Parameters
@@ -64,6 +65,8 @@ class ParameterComparison:
     only_first, only_second : tuple of str
         Parameters of one alone.
     """
+
+    JSON = "methods rows only_first only_second outside_2_sd=outside findings"
 
     methods: tuple[str, str]
     rows: tuple[ComparedParameter, ...]
@@ -88,17 +91,6 @@ class ParameterComparison:
         lone += [(second, key) for key in self.only_second]
         sentences += [f"{key}: found by {method} alone" for method, key in lone]
         return tuple(sentences)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return nested dictionaries for JSON."""
-        return {
-            "methods": list(self.methods),
-            "rows": [asdict(r) for r in self.rows],
-            "only_first": list(self.only_first),
-            "only_second": list(self.only_second),
-            "outside_2_sd": list(self.outside()),
-            "findings": list(self.findings()),
-        }
 
 
 def compare_parameters(

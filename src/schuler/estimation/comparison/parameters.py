@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from schuler.data.to_dict import ToDict
 from schuler.estimation.result import MethodResult
 from schuler.noise import GaussMarkov, Process, ProcessSum
 from schuler.noise.parameter_names import class_and_number
@@ -21,7 +21,7 @@ and the robust one asks for the bulk of the samples, which outliers set apart fr
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterAgreement:
+class ParameterAgreement(ToDict):
     """One parameter as several methods find it.
 
     Parameters
@@ -41,6 +41,11 @@ class ParameterAgreement:
         Which two; empty if there are none.
     """
 
+    JSON = (
+        "parameter values standard_errors differences_in_combined_sd=differences worst "
+        "worst_pair agree"
+    )
+
     parameter: str
     values: dict[str, float]
     standard_errors: dict[str, float]
@@ -52,18 +57,6 @@ class ParameterAgreement:
     def agree(self) -> bool | None:
         """True where all that have a say agree; None where fewer than two have."""
         return self.worst <= AGREE if self.worst_pair else None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "parameter": self.parameter,
-            "values": dict(self.values),
-            "standard_errors": dict(self.standard_errors),
-            "differences_in_combined_sd": dict(self.differences),
-            "worst": self.worst,
-            "worst_pair": list(self.worst_pair),
-            "agree": self.agree,
-        }
 
 
 def comparable(result: MethodResult) -> dict[str, tuple[float, float]]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError
+from schuler.estimation.comparison.agreement import Agreement, compare_runs
 from schuler.estimation.comparison.methods import ImuMethodComparison
 from schuler.estimation.comparison.parameters import (
     AGREE,
@@ -15,7 +16,6 @@ from schuler.estimation.comparison.parameters import (
     combined_difference,
     comparable,
 )
-from schuler.estimation.replicates import Agreement, compare_runs
 from schuler.noise.parameter_names import spoken_name
 
 _SURE = 0.01
@@ -30,7 +30,7 @@ class _Run:
 
 
 @dataclass(frozen=True, slots=True)
-class PooledParameter:
+class PooledParameter(ToDict):
     """One parameter of one channel over all runs, by several methods.
 
     Parameters
@@ -47,6 +47,8 @@ class PooledParameter:
     worst_pair : tuple of str
         Which two methods; empty if fewer than two have it.
     """
+
+    JSON = "channel parameter pooled runs worst worst_pair agree"
 
     channel: str
     parameter: str
@@ -65,21 +67,9 @@ class PooledParameter:
         """True where by every method the runs may share one value."""
         return all(a.p_value > _SURE for a in self.pooled.values())
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "channel": self.channel,
-            "parameter": self.parameter,
-            "pooled": {m: {**asdict(a), "shared": a.shared} for m, a in self.pooled.items()},
-            "runs": {m: [None if r is None else list(r) for r in v] for m, v in self.runs.items()},
-            "worst": self.worst,
-            "worst_pair": list(self.worst_pair),
-            "agree": self.agree,
-        }
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReplicateComparison:
+class ReplicateComparison(ToDict):
     """All parameters of all channels over several runs of one sensor.
 
     Parameters
@@ -92,17 +82,11 @@ class ReplicateComparison:
         What is worth knowing, in plain language.
     """
 
+    JSON = "runs=names parameters findings"
+
     names: tuple[str, ...]
     parameters: tuple[PooledParameter, ...]
     findings: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "runs": list(self.names),
-            "parameters": [p.to_dict() for p in self.parameters],
-            "findings": list(self.findings),
-        }
 
 
 def compare_replicates(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.to_dict import ToDict
 from schuler.estimation.arma.fit import fit_arma
 from schuler.estimation.arma.likelihood import admissible
 from schuler.estimation.arma.result import ArmaFit
@@ -29,7 +29,7 @@ from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmaGarchFit:
+class ArmaGarchFit(ToDict):
     """ARMA(p, q) for the mean given the past, GARCH for the variance given the past.
 
     Parameters
@@ -77,19 +77,6 @@ class ArmaGarchFit:
             np.asarray(np.asarray(signal, dtype=np.float64) - residual),
             self.garch.conditional_variance(residual),
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "joint": self.joint,
-            "log_likelihood": self.log_likelihood,
-            "aic": self.aic,
-            "bic": self.bic,
-            "converged": self.converged,
-            "flags": list(self.flags),
-            "arma": self.arma.to_dict(),
-            "garch": self.garch.to_dict(),
-        }
 
 
 @dataclass(frozen=True, slots=True, eq=False)

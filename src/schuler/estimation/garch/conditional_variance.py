@@ -56,7 +56,41 @@ def garch_log_likelihood(
     *,
     before: float | None = None,
 ) -> float:
-    """Gaussian log likelihood of GARCH(p, q) at given parameters."""
+    """Return the Gaussian log likelihood of GARCH(p, q) at given parameters.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        Zero-mean noise, in u.
+    alpha0 : float
+        Constant of the variance, u².
+    alpha, beta : float or array_like
+        Weights of past squares and of past variances.
+    before : float, optional
+        Variance before the first sample, u²; the sample's own if not given.
+
+    Returns
+    -------
+    float
+        Without the constant -n/2 ln 2 pi if that is how `fit_garch` counts it.
+
+    Raises
+    ------
+    InputError
+        Negative parameters.
+
+    Notes
+    -----
+    S000 (7); Bollerslev 1986.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> e = np.random.default_rng(0).normal(size=1000)
+    >>> flat = schuler.garch_log_likelihood(e, 1.0, 0.0, 0.0)
+    >>> flat > schuler.garch_log_likelihood(e, 4.0, 0.0, 0.0)
+    True
+    """
     values = checked_signal(residuals, 1, varying=False)
     start = backcast(values) if before is None else before
     variances = garch_conditional_variance(values, alpha0, alpha, beta, before=start)
@@ -69,7 +103,37 @@ def garch_log_likelihood(
 def ewma_variance(
     residuals: ArrayLike, decay: float = EWMA_DECAY, *, before: float | None = None
 ) -> FloatArray:
-    """Exponentially weighted variance of the past: GARCH without parameters to fit."""
+    """Exponentially weighted variance of the past: GARCH without parameters to fit.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        Zero-mean noise, in u.
+    decay : float
+        Weight of the last variance, 0 to 1.
+    before : float, optional
+        Variance before the first sample, u²; the sample's own if not given.
+
+    Returns
+    -------
+    (n,) ndarray
+        Variance of every sample given those before it, u².
+
+    Raises
+    ------
+    InputError
+        A decay outside 0 to 1.
+
+    Notes
+    -----
+    RiskMetrics 1996: GARCH(1,1) with alpha0 = 0 and alpha + beta = 1.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.ewma_variance([1.0, 1.0, 1.0], 0.5, before=1.0)
+    array([1., 1., 1.])
+    """
     if not 0.0 < decay < 1.0:
         raise InputError(f"decay {decay:g}", expected="a number between 0 and 1")
     values = checked_signal(residuals, 1, varying=False)
@@ -80,7 +144,42 @@ def ewma_variance(
 def simulate_garch(
     samples: int, alpha0: float, alpha: ArrayLike, beta: ArrayLike, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw GARCH noise with Gaussian Z, after a start that has been forgotten."""
+    """Draw GARCH noise with Gaussian Z, after a start that has been forgotten.
+
+    Parameters
+    ----------
+    samples : int
+        How many.
+    alpha0 : float
+        Constant of the variance, u².
+    alpha, beta : float or array_like
+        Weights of past squares and of past variances; their sum below one.
+    rng : numpy.random.Generator
+        Source of randomness.
+
+    Returns
+    -------
+    noise : (samples,) ndarray
+        In u.
+    variance : (samples,) ndarray
+        True conditional variance, u².
+
+    Raises
+    ------
+    InputError
+        Parameters without a stationary variance.
+
+    Notes
+    -----
+    S000 (7).
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise, variance = schuler.simulate_garch(100, 1e-7, 0.02, 0.97, np.random.default_rng(0))
+    >>> noise.shape
+    (100,)
+    """
     from schuler.kernels.noise.garch import garch_noise
 
     if samples < 0:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schuler.estimation.garch.conditional_variance import backcast
 from schuler.estimation.garch.search import (
     SMALLEST_CONSTANT,
     Answer,
@@ -46,6 +45,8 @@ class GarchSolution:
         alpha0, alpha, beta.
     covariance : (p + q + 1, p + q + 1) ndarray
         QMLE sandwich.
+    hessian : (p + q + 1, p + q + 1) ndarray or None
+        Inverse of the observed information, right where Z is as assumed; None where tied.
     value : float
         -1/2 sum (ln s + e²/s).
     distance : float
@@ -64,6 +65,7 @@ class GarchSolution:
 
     parameters: FloatArray
     covariance: FloatArray
+    hessian: FloatArray | None
     value: float
     distance: float
     singular: bool
@@ -106,9 +108,9 @@ def garch_slopes(
 _NO_OUTER = np.zeros((0, 0))
 
 
-def solve(unit: FloatArray, p: int, q: int) -> GarchSolution:
+def solve(unit: FloatArray, p: int, q: int, before: float) -> GarchSolution:
     """Find the maximum over alpha0, alpha and beta from all starts."""
-    before, k = backcast(unit), p + q + 1
+    k = p + q + 1
     evaluate = garch_slopes(unit, p, q, before)
     problem = Problem(
         evaluate=lambda u: evaluate(u, _NO_OUTER),
@@ -133,6 +135,7 @@ def solve(unit: FloatArray, p: int, q: int) -> GarchSolution:
     return GarchSolution(
         best.parameters,
         sandwich,
+        bread,
         best.value,
         best.distance,
         singular,
@@ -175,13 +178,12 @@ def _at_constant(
     covariance[0, 0] = outer[0, 0] / information[0, 0] ** 2
     distance = float(score[0] ** 2 / information[0, 0])
     return GarchSolution(
-        parameters, covariance, value, distance, False, True, False, before, starts
+        parameters, covariance, None, value, distance, False, True, False, before, starts
     )
 
 
-def solve_targeted(unit: FloatArray, p: int, q: int) -> GarchSolution:
+def solve_targeted(unit: FloatArray, p: int, q: int, before: float) -> GarchSolution:
     """Find the maximum over alpha and beta, alpha0 being s² (1 - persistence)."""
-    before = backcast(unit)
     variance = float(np.mean(unit**2))
     evaluate = garch_slopes(unit, p, q, before)
     weights = np.vstack([np.full(p + q, -variance), np.eye(p + q)])
@@ -211,6 +213,7 @@ def solve_targeted(unit: FloatArray, p: int, q: int) -> GarchSolution:
     return GarchSolution(
         parameters,
         covariance,
+        None,
         best.value,
         best.distance,
         singular,

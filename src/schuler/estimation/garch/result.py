@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.to_dict import ToDict, named_rows, plain
 from schuler.estimation.garch.conditional_variance import garch_conditional_variance, simulate_garch
 from schuler.estimation.residuals.tests import ResidualTests
 from schuler.estimation.signals import checked_signal
@@ -51,7 +52,7 @@ class GarchCandidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GarchFit:
+class GarchFit(ToDict):
     """s(t) = alpha0 + sum alpha_i e²(t-i) + sum beta_j s(t-j), fitted.
 
     Parameters
@@ -89,9 +90,19 @@ class GarchFit:
         Tests of the signal, and of the signal divided by its conditional deviation.
     starts : tuple of GarchStart
         All starts of the search.
+    hessian_standard_errors : dict of str to float
+        From the observed information alone: right where Z has the law that was assumed.
+    degrees_of_freedom, degrees_of_freedom_error : float or None
+        Of Student's law, where it was fitted.
     candidates : tuple of GarchCandidate
         The orders that `select_garch` compared.
     """
+
+    JSON = (
+        "mean degrees_of_freedom degrees_of_freedom_error persistence unconditional_variance "
+        "half_life_samples=half_life log_likelihood aic bic samples rate method converged flags "
+        "before after"
+    )
 
     alpha0: float
     alpha: FloatArray
@@ -113,6 +124,9 @@ class GarchFit:
     before: ResidualTests | None
     after: ResidualTests | None
     starts: tuple[GarchStart, ...] = ()
+    hessian_standard_errors: dict[str, float] = field(default_factory=dict)
+    degrees_of_freedom: float | None = None
+    degrees_of_freedom_error: float | None = None
     candidates: tuple[GarchCandidate, ...] = ()
 
     @property
@@ -230,43 +244,21 @@ class GarchFit:
         return np.asarray(drawn + self.mean)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI; None for what is infinite."""
-
-        def number(value: float | None) -> float | None:
-            return value if value is not None and math.isfinite(value) else None
-
-        return {
-            "p": self.order[0],
-            "q": self.order[1],
-            "parameters": {
-                key: {
-                    "value": value,
-                    "standard_error": number(self.standard_errors.get(key)),
-                    "t_value": number(self.t_values.get(key)),
-                    "p_value": number(self.p_values.get(key)),
-                }
-                for key, value in self.values.items()
-            },
-            "mean": self.mean,
-            "persistence": self.persistence,
-            "unconditional_variance": number(self.unconditional_variance),
-            "half_life_samples": number(self.half_life),
-            "log_likelihood": number(self.log_likelihood),
-            "aic": number(self.aic),
-            "bic": number(self.bic),
-            "samples": self.samples,
-            "rate": self.rate,
-            "method": self.method,
-            "converged": self.converged,
-            "flags": list(self.flags),
-            "before": self.before.to_dict() if self.before else None,
-            "after": self.after.to_dict() if self.after else None,
-            "starts": [
-                {"alpha": s.alpha, "beta": s.beta, "log_likelihood": s.log_likelihood}
-                for s in self.starts
-            ],
-            "candidates": [
-                {"p": c.p, "q": c.q, "aic": number(c.aic), "bic": number(c.bic)}
-                for c in self.candidates
-            ],
+        """Return plain values for JSON, in SI."""
+        named = {
+            "value": self.values,
+            "standard_error": self.standard_errors,
+            "hessian_standard_error": self.hessian_standard_errors,
+            "t_value": self.t_values,
+            "p_value": self.p_values,
+        }
+        p, q = self.order
+        starts = [(s.alpha, s.beta, s.log_likelihood) for s in self.starts]
+        candidates = [(c.p, c.q, c.aic, c.bic) for c in self.candidates]
+        return ToDict.to_dict(self) | {
+            "p": p,
+            "q": q,
+            "parameters": {k: {n: plain(v.get(k)) for n, v in named.items()} for k in self.values},
+            "starts": named_rows(("alpha", "beta", "log_likelihood"), starts),
+            "candidates": named_rows(("p", "q", "aic", "bic"), candidates),
         }

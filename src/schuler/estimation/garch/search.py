@@ -17,7 +17,7 @@ PERSISTENCE_EDGE = 1e-7
 """The sum of all weights stays this far below one."""
 SMALLEST_CONSTANT = 1e-14
 """Lower bound of alpha0 in units of the variance."""
-CLOSE_ENOUGH = 1e-9
+CLOSE_ENOUGH = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.curves.robust import biweight_tuning, median_scale, robust_variance
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
 from schuler.errors import EstimationError, InputError
+from schuler.estimation.disturbances.outliers import contamination
 from schuler.estimation.gmwm.moments import MomentFit, fit_moments, heterogeneity
 from schuler.estimation.gmwm.result import GmwmIdentification, describe_fit
 from schuler.estimation.gmwm.scatter import pooled_points, pooled_scatter
@@ -26,7 +26,6 @@ __all__ = [
     "fit_gmwm",
     "fit_gmwm_curves",
     "one_channel",
-    "tail_ratio",
 ]
 
 Model = str | Process
@@ -78,7 +77,7 @@ def fit_gmwm(
     """
     values = one_channel(signal)
     curve = wavelet_variance(values, rate, robust, efficiency)
-    return fit_gmwm_curves([curve], model, tail_ratio(values) if not robust else 1.0)
+    return fit_gmwm_curves([curve], model, contamination(values).ratio if not robust else 1.0)
 
 
 def fit_gmwm_curves(
@@ -163,15 +162,6 @@ def one_channel(signal: ArrayLike) -> NDArray[Any]:
             cure="record longer",
         )
     return values
-
-
-def tail_ratio(values: NDArray[Any]) -> float:
-    """Compare the variance at the finest scale with what it is without outliers."""
-    step = np.diff(values.astype(np.float64))
-    plain = float(step @ step) / step.size
-    if plain == 0.0 or median_scale(step) == 0.0:
-        return 1.0
-    return plain / robust_variance(step, biweight_tuning(0.5))[0]
 
 
 def at_scales_from(curve: WaveletVarianceCurve, shortest: float) -> WaveletVarianceCurve:

@@ -10,24 +10,25 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from schuler.curves.wavelet_variance import wavelet_variance
+from schuler.data.to_dict import ToDict, plain
 from schuler.errors import EstimationError, InputError
+from schuler.estimation.comparison.agreement import Agreement, compare_runs
+from schuler.estimation.disturbances.outliers import contamination
 from schuler.estimation.gmwm.fit import (
     Model,
     Robust,
     at_scales_from,
     fit_gmwm_curves,
     one_channel,
-    tail_ratio,
 )
 from schuler.estimation.gmwm.moments import fit_moments, heterogeneity
 from schuler.estimation.gmwm.result import GmwmIdentification, describe_fit
-from schuler.estimation.replicates import Agreement, compare_runs
 
 _SHARED = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PooledIdentification:
+class PooledIdentification(ToDict):
     """Several records of one sensor, together and apart.
 
     Parameters
@@ -46,6 +47,8 @@ class PooledIdentification:
         The same question for every parameter.
     """
 
+    JSON = "pooled runs"
+
     pooled: GmwmIdentification
     runs: tuple[GmwmIdentification, ...]
     chi_square: float
@@ -59,20 +62,11 @@ class PooledIdentification:
         return self.p_value > _SHARED
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain Python for JSON, in SI."""
-        from dataclasses import asdict
-
-        return {
-            "pooled": self.pooled.to_dict(),
-            "runs": [r.to_dict() for r in self.runs],
-            "heterogeneity": {
-                "chi_square": self.chi_square,
-                "degrees_of_freedom": self.degrees_of_freedom,
-                "p_value": self.p_value,
-                "shared": self.shared,
-                "parameters": [{**asdict(a), "shared": a.shared} for a in self.agreements],
-            },
-        }
+        """Return plain values for JSON, in SI."""
+        names = ("chi_square", "degrees_of_freedom", "p_value", "shared")
+        heterogeneity = {name: plain(getattr(self, name)) for name in names}
+        heterogeneity["parameters"] = plain(self.agreements)
+        return ToDict.to_dict(self) | {"heterogeneity": heterogeneity}
 
 
 def fit_gmwm_replicates(
@@ -114,7 +108,7 @@ def fit_gmwm_replicates(
             curves.append(wavelet_variance(values, rate, robust, efficiency))
         except (InputError, EstimationError) as error:
             raise error.at(f"record {k}") from None
-        tails = max(tails, 1.0 if robust else tail_ratio(values))
+        tails = max(tails, 1.0 if robust else contamination(values).ratio)
     pooled = fit_gmwm_curves(curves, model, tails)
     used = [at_scales_from(c, float(pooled.diagnostics.tau[0])) for c in curves]
     granted = 2.0 * pooled.diagnostics.discrepancy

@@ -48,16 +48,10 @@ class GmwmIdentification(Identification):
     flags: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain Python for JSON, in SI."""
-        return {
-            **Identification.to_dict(self),
-            "method": "gmwm",
-            "wavelet_variance": self.wavelet.to_dict(),
-            "p_value": self.p_value,
-            "wvic": self.wvic,
-            "converged": self.diagnostics.converged,
-            "flags": list(self.flags),
-        }
+        """Return plain values for JSON, in SI."""
+        more: dict[str, Any] = {"method": "gmwm", "wavelet_variance": self.wavelet.to_dict()}
+        more |= {"p_value": self.p_value, "wvic": self.wvic, "flags": list(self.flags)}
+        return Identification.to_dict(self) | more | {"converged": self.diagnostics.converged}
 
 
 def describe_fit(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 from schuler.estimation.autoregressive.result import Caution
 from schuler.types import FloatArray
@@ -42,7 +42,7 @@ class RankedTerm:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FosFit:
+class FosFit(ToDict):
     """A model y(n) = intercept + sum of coefficient times term, found by forward selection.
 
     Parameters
@@ -74,6 +74,12 @@ class FosFit:
     cautions : tuple of Caution
         What to know before use.
     """
+
+    JSON = (
+        "terms sources names coefficients standard_errors intercept mean_square_error "
+        "training_mean_square_error held_out_mean_square_error ranking pruned stopped "
+        "candidates samples flags notes"
+    )
 
     terms: tuple[Term, ...]
     sources: tuple[Term, ...]
@@ -225,27 +231,6 @@ class FosFit:
             if not np.isfinite(array).all():
                 raise InputError("a signal to predict is not finite", expected="finite numbers")
         return arrays[0], arrays[1:]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, in SI."""
-        return {
-            "terms": [list(t) for t in self.terms],
-            "sources": [list(s) for s in self.sources],
-            "names": list(self.names),
-            "coefficients": self.coefficients.tolist(),
-            "standard_errors": self.standard_errors.tolist(),
-            "intercept": self.intercept,
-            "mean_square_error": self.mean_square_error,
-            "training_mean_square_error": self.training_mean_square_error,
-            "held_out_mean_square_error": self.held_out_mean_square_error,
-            "ranking": [asdict(r) for r in self.ranking],
-            "pruned": list(self.pruned),
-            "stopped": self.stopped,
-            "candidates": self.candidates,
-            "samples": self.samples,
-            "flags": list(self.flags),
-            "notes": list(self.notes),
-        }
 
 
 def term_name(lags: Term, sources: Term) -> str:

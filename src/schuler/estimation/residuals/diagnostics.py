@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.residuals.tests import (
     ResidualTests,
@@ -27,7 +27,7 @@ _FEWEST = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ResidualDiagnostics:
+class ResidualDiagnostics(ToDict):
     """One-step prediction errors of a model on its own signal, and the tests of them.
 
     Parameters
@@ -53,6 +53,11 @@ class ResidualDiagnostics:
     block : int
         Means of so many samples were predicted, because the model leaves out what is faster.
     """
+
+    JSON = (
+        "samples block variance expected_variance correlation robust_band_95=robust_band "
+        "kurtosis tests white constant_variance gaussian verdict"
+    )
 
     samples: int
     variance: float
@@ -106,23 +111,6 @@ class ResidualDiagnostics:
             shape = "heavy tails" if self.kurtosis > 3.0 else "short tails"
             words.append(f"{shape}: kurtosis {self.kurtosis:.3g}")
         return "; ".join(words)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON, SI."""
-        return {
-            "samples": self.samples,
-            "block": self.block,
-            "variance": self.variance,
-            "expected_variance": self.expected_variance,
-            "correlation": self.correlation.tolist(),
-            "robust_band_95": self.robust_band.tolist(),
-            "kurtosis": self.kurtosis,
-            "tests": None if self.tests is None else self.tests.to_dict(),
-            "white": self.white,
-            "constant_variance": self.constant_variance,
-            "gaussian": self.gaussian,
-            "verdict": self.verdict,
-        }
 
 
 def diagnose_residuals(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data._checks import check_finite
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
 from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
-class HypothesisTest:
+class HypothesisTest(ToDict):
     """A test statistic and how likely chance alone exceeds it.
 
     Parameters
@@ -33,10 +33,6 @@ class HypothesisTest:
     statistic: float
     degrees_of_freedom: int
     p_value: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON."""
-        return asdict(self)
 
 
 def _chi_square(name: str, statistic: float, degrees_of_freedom: int) -> HypothesisTest:
@@ -76,6 +72,31 @@ def robust_autocorrelation_band(residuals: ArrayLike, lags: int, z: float = 2.0)
 
     Holds when the variance of the residual changes with its own past (GARCH), where the plain
     band z/sqrt(n) is too narrow.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        In any unit.
+    lags : int
+        Number of lags.
+    z : float
+        Quantile of the normal law.
+
+    Returns
+    -------
+    (lags,) ndarray
+        For lags 1, 2, ...
+
+    Notes
+    -----
+    Erratum E-000-12 of S000; Diebold 1986.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> x = np.random.default_rng(0).normal(size=10_000)
+    >>> bool(np.allclose(schuler.robust_autocorrelation_band(x, 3), 0.02, rtol=0.05))
+    True
     """
     values = _varying(residuals, lags)
     return np.asarray(z * np.sqrt(_robust_variances(values, lags) / values.size))
@@ -207,7 +228,34 @@ def _arch_lm(squares: FloatArray, products: FloatArray) -> HypothesisTest:
 
 
 def jarque_bera_test(residuals: ArrayLike) -> HypothesisTest:
-    """Test whether skewness and kurtosis are those of Gaussian noise."""
+    """Test whether skewness and kurtosis are those of Gaussian noise.
+
+    Parameters
+    ----------
+    residuals : (n,) array_like
+        In any unit.
+
+    Returns
+    -------
+    HypothesisTest
+        Statistic, chi-square with two degrees of freedom, and its p-value.
+
+    Raises
+    ------
+    InputError
+        Too short, or not finite.
+
+    Notes
+    -----
+    Jarque and Bera 1980.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> tails = np.random.default_rng(0).standard_t(4, size=5000)
+    >>> bool(schuler.jarque_bera_test(tails).p_value < 1e-6)
+    True
+    """
     values = _varying(residuals, 1)
     values = values - values.mean()
     squares = values * values
@@ -219,7 +267,7 @@ def jarque_bera_test(residuals: ArrayLike) -> HypothesisTest:
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualTests:
+class ResidualTests(ToDict):
     """The tests of one residual series.
 
     Parameters
@@ -239,10 +287,6 @@ class ResidualTests:
     ljung_box_squares: HypothesisTest
     arch_lm: HypothesisTest
     jarque_bera: HypothesisTest
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain Python for JSON."""
-        return asdict(self)
 
 
 def residual_tests(residuals: ArrayLike, *, fitted_parameters: int = 0) -> ResidualTests | None:

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
+from schuler.data.to_dict import ToDict, plain
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.parts import parts_of_model
 from schuler.estimation.record import RecordVerdict, judge_record
+from schuler.estimation.result import fitted_to_dict
 from schuler.estimation.selection import Choice
 from schuler.estimation.spectrum.likelihood import (
     SpectrumPoints,
@@ -35,7 +37,7 @@ _VANISHED = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpectrumFit:
+class SpectrumFit(ToDict):
     """The processes behind a power spectral density.
 
     Parameters
@@ -71,6 +73,8 @@ class SpectrumFit:
         discrepancy was granted; "not converged".
     """
 
+    JSON = "slope_method=slopes record=verdict converged flags"
+
     process: ProcessSum
     standard_errors: dict[str, float]
     intervals: dict[str, tuple[float, float]]
@@ -92,30 +96,11 @@ class SpectrumFit:
         return {key: values[key] for key in self.standard_errors}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the curve as plain Python for JSON, in SI."""
-        return {
-            "processes": [
-                {"kind": part.kind, "name": name, **part.parameters}
-                for name, part in zip(self.process.names, self.process.parts, strict=True)
-            ],
-            "parameters": {
-                key: {
-                    "value": value,
-                    "standard_error": self.standard_errors[key],
-                    "interval_95": list(self.intervals[key]),
-                }
-                for key, value in self.parameters.items()
-            },
-            "misfit": {
-                "dispersion": self.dispersion,
-                "discrepancy": self.discrepancy,
-                "candidates": dict(self.candidates),
-            },
-            "slope_method": self.slopes.to_dict(),
-            "record": self.verdict.to_dict(),
-            "converged": self.converged,
-            "flags": list(self.flags),
-        }
+        """Return plain values for JSON, in SI."""
+        names = ("dispersion", "discrepancy", "candidates")
+        misfit = {"misfit": {name: plain(getattr(self, name)) for name in names}}
+        named = fitted_to_dict(self.process, self.parameters, self.standard_errors, self.intervals)
+        return ToDict.to_dict(self) | named | misfit
 
 
 def identify_spectrum(
@@ -126,7 +111,43 @@ def identify_spectrum(
     segment: int | None = None,
     band: tuple[float, float] | None = None,
 ) -> SpectrumFit:
-    """Find the processes of a signal from its power spectral density."""
+    """Find the processes of a signal from its power spectral density.
+
+    Parameters
+    ----------
+    signal : (n,) array_like
+        Samples at a constant rate, in u.
+    rate : float
+        Samples a second, Hz.
+    model : {"auto", "classical"} or Process
+        Structure that is fitted, or how it is chosen.
+    segment : int, optional
+        Samples of a segment of Welch's average.
+    band : (low, high), optional
+        Frequencies that are used, Hz.
+
+    Returns
+    -------
+    SpectrumFit
+        Parameters in SI with standard errors, and the process.
+
+    Raises
+    ------
+    InputError
+        Too short, or a band without frequencies.
+
+    Notes
+    -----
+    S004 (12) and section 5.3, fitted by Whittle's likelihood instead of by eye.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> noise = schuler.WhiteNoise(0.1).simulate(50_000, 0.01, np.random.default_rng(0))
+    >>> fit = schuler.identify_spectrum(noise, 100.0, schuler.WhiteNoise(1.0))
+    >>> round(fit.parameters["white_noise.density"], 2)
+    0.1
+    """
     return fit_spectrum(
         power_spectral_density(signal, rate, onesided=False, segment=segment), model, band=band
     )

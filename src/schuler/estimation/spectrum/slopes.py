@@ -7,12 +7,13 @@ walk K²/(2 pi f)² with f², quantisation (2 pi f)² Q² dt rises with f².
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.curves.spectrum import SpectrumCurve
+from schuler.data.to_dict import ToDict
 from schuler.types import FloatArray
 
 _TOLERANCE = 0.25
@@ -22,7 +23,7 @@ _EVEN = 16.0
 
 
 @dataclass(frozen=True, slots=True)
-class SpectrumReading:
+class SpectrumReading(ToDict):
     """One parameter read off a straight run.
 
     Parameters
@@ -40,13 +41,9 @@ class SpectrumReading:
     stop: float
     relative_error: float
 
-    def to_dict(self) -> dict[str, float]:
-        """Return the fields."""
-        return asdict(self)
-
 
 @dataclass(frozen=True, slots=True)
-class SpectrumReadings:
+class SpectrumReadings(ToDict):
     """What the slope method finds in a spectrum; None where it has no such run.
 
     Parameters
@@ -59,16 +56,6 @@ class SpectrumReadings:
     bias_instability: SpectrumReading | None
     random_walk: SpectrumReading | None
     quantization: SpectrumReading | None
-
-    def to_dict(self) -> dict[str, dict[str, float] | None]:
-        """Return nested dictionaries for JSON."""
-        named = {
-            "white_noise": self.white_noise,
-            "bias_instability": self.bias_instability,
-            "random_walk": self.random_walk,
-            "quantization": self.quantization,
-        }
-        return {k: None if v is None else v.to_dict() for k, v in named.items()}
 
 
 def spectrum_slopes(curve: SpectrumCurve) -> SpectrumReadings:

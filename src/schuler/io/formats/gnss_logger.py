@@ -40,7 +40,7 @@ def open_gnss_logger(path: Path, what: What, options: ReadOptions) -> MemorySour
     return _fixes(path, tables) if what == "gnss" else _imu(path, tables)
 
 
-def _numbers(texts: list[str]) -> np.ndarray:  # type: ignore[type-arg]
+def _numbers(texts: list[str]) -> np.ndarray:
     return np.array([float(x) if x else np.nan for x in texts])
 
 

@@ -81,7 +81,7 @@ DIALECTS = (
                        r"accelerometertimestampsincereboot"},
             units=_unit("gyro", "rad/s") | _unit("accel", "g") | {"time": "s"}),
     Dialect("phyphox", "phyphox", r"(?:Gyroscope|Acceleration|Accelerometer) x \("),
-    Dialect("euroc", "EuRoC", r"(?<!b_)w_RS_S_x"),
+    Dialect("euroc-text", "EuRoC", r"(?<!b_)w_RS_S_x"),
 )  # fmt: skip
 
 

@@ -111,7 +111,7 @@ _READERS = {"GGA": _gga, "RMC": _rmc, "GST": _gst, "VTG": _vtg}
 def _columns(epochs: dict[float, _Epoch]) -> tuple[Columns, tuple[str, ...]]:
     kept = [(t, e) for t, e in epochs.items() if "latitude" in e]
 
-    def column(key: str, default: float = np.nan) -> np.ndarray:  # type: ignore[type-arg]
+    def column(key: str, default: float = np.nan) -> np.ndarray:
         return np.array([e.get(key, default) for _, e in kept])
 
     time = np.array([t for t, _ in kept])

@@ -143,7 +143,7 @@ def _row_of_binary(name: str, week: float, seconds: float, v: tuple[float, ...])
     return [float(x) for x in (v[:-1] if name.startswith("INSPVA") else v)]
 
 
-def _table(rows: _Rows, *names: str) -> tuple[str, np.ndarray] | None:  # type: ignore[type-arg]
+def _table(rows: _Rows, *names: str) -> tuple[str, np.ndarray] | None:
     for name in names:
         if rows.get(name):
             width = min(len(r) for r in rows[name])
@@ -183,11 +183,11 @@ def _gnss(path: Path, rows: _Rows) -> MemorySource:
     return MemorySource(path, columns, {}, None, (f"logs {name}, GPS time",), "log")
 
 
-def _position(table: np.ndarray, k: int) -> Columns:  # type: ignore[type-arg]
+def _position(table: np.ndarray, k: int) -> Columns:
     return {"latitude_deg": table[:, k], "longitude_deg": table[:, k + 1]}
 
 
-def _velocity(table: np.ndarray, k: int) -> Columns:  # type: ignore[type-arg]
+def _velocity(table: np.ndarray, k: int) -> Columns:
     return {
         "vel_north_m_s": table[:, k],
         "vel_east_m_s": table[:, k + 1],
@@ -195,7 +195,7 @@ def _velocity(table: np.ndarray, k: int) -> Columns:  # type: ignore[type-arg]
     }
 
 
-def _joined_velocity(columns: Columns, table: np.ndarray) -> Columns:  # type: ignore[type-arg]
+def _joined_velocity(columns: Columns, table: np.ndarray) -> Columns:
     """Return velocities of BESTVEL at the stamps of positions; NaN where there is none."""
     stamps = columns["week"] * 604800.0 + columns["tow_s"]
     own = table[:, 0] * 604800.0 + table[:, 1] - table[:, 3]  # latency

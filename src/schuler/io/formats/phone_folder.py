@@ -65,7 +65,7 @@ def open_folder(path: Path, what: What, options: ReadOptions) -> Source:
     return MemorySource(path, columns, units, None, (f"files {', '.join(said)}",), "row", notes)
 
 
-def _sensor(path: Path, files: tuple[str, ...], sensor: str) -> tuple[np.ndarray, np.ndarray, str]:  # type: ignore[type-arg]
+def _sensor(path: Path, files: tuple[str, ...], sensor: str) -> tuple[np.ndarray, np.ndarray, str]:
     """Return stamps and values of a sensor, summed over files that belong together."""
     sources = [open_text(path / n, TextOptions()) for n in files]
     tables = [_three(s) for s in sources]
@@ -81,7 +81,7 @@ def _sensor(path: Path, files: tuple[str, ...], sensor: str) -> tuple[np.ndarray
     return time, values * factor, note
 
 
-def _three(source: Source) -> tuple[np.ndarray, np.ndarray, str]:  # type: ignore[type-arg]
+def _three(source: Source) -> tuple[np.ndarray, np.ndarray, str]:
     """Return stamps in seconds and the three axes of a file of one sensor."""
     found = find_columns(source.names, {}, source.units)
     stamp = found.get("time") or Column("time", source.names[0], "")

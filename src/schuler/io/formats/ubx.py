@@ -11,7 +11,7 @@ from schuler.errors import InputError
 from schuler.io.format import Format, Start, What
 from schuler.io.formats.fixes import only_fixes
 from schuler.io.source import Columns, MemorySource
-from schuler.types import FloatArray
+from schuler.types import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from schuler.io.options import ReadOptions
@@ -116,13 +116,14 @@ def _solutions(path: Path, found: dict[int, list[bytes]]) -> MemorySource:
     return only_fixes(path, columns, f"{name}, time as seconds of the GPS week")
 
 
-def _signed(words: FloatArray) -> FloatArray:
+def _signed(words: IntArray) -> FloatArray:
     """Return the lower 24 bits as a signed number."""
     low = words & 0xFFFFFF
-    return np.where(low >= 1 << 23, low - (1 << 24), low).astype(np.float64)
+    signed: FloatArray = np.where(low >= 1 << 23, low - (1 << 24), low).astype(np.float64)
+    return signed
 
 
-def _spread(kinds: FloatArray, stamps: FloatArray, values: FloatArray) -> Columns:
+def _spread(kinds: IntArray, stamps: FloatArray, values: FloatArray) -> Columns:
     """Return one row for every stamp, with a column for every channel."""
     known = np.isin(kinds, list(_CHANNELS))
     times, place = np.unique(stamps[known], return_inverse=True)

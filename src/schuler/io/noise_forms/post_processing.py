@@ -62,7 +62,7 @@ def navego(model: NoiseModel, request: NoiseRequest) -> bytes:
             f"{letter}_std": numbers.density * math.sqrt(rate) * one,
         }
     stream = io.BytesIO()
-    savemat(stream, {"imu": imu})
+    savemat(stream, {"imu": imu})  # type: ignore[arg-type]  # a stream is taken
     return stream.getvalue()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,8 +46,8 @@ def write_recording(path: Path, recording: ImuRecording | GnssRecording) -> None
     _save(path, {"gnss": gnss})
 
 
-def _save(path: Path, content: dict[str, dict[str, object]]) -> None:
+def _save(path: Path, content: Mapping[str, Mapping[str, object]]) -> None:
     from scipy.io import savemat
 
     with path.open("wb") as stream:
-        savemat(stream, content)
+        savemat(stream, dict(content))  # type: ignore[arg-type]  # a stream is taken

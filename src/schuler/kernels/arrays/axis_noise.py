@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.kernels.arrays.fusion import BoolArray, FloatArray, IntArray
 from schuler.kernels.arrays.redundancy_data import Plan
 from schuler.kernels.compile import kernel
+from schuler.kernels.types import BoolArray, FloatArray, IntArray
 
 
 @kernel()
@@ -18,18 +18,10 @@ def working_variances(
 ) -> None:
     """Draw variances together as far as their scatter is no more than that of estimation.
 
-    Parameters
-    ----------
-    variance : (M,) ndarray
-        Estimated s.
-    use : (M,) ndarray of bool
-        Axes in use; the others keep their s.
-    level : float
-        Smallest variance allowed.
-    scatter : float
-        Variance of ln s that estimation alone makes; zero: s is taken as it is.
-    working : (M,) ndarray
-        Filled in place: ln s pulled to its mean by the share that chance explains (James-Stein).
+    variance (M,): estimated s; use (M,): axes in use; the others keep their s; level: smallest
+    variance allowed; scatter: variance of ln s that estimation alone makes; zero: s is taken as it
+    is; working (M,): filled in place: ln s pulled to its mean by the share that chance explains
+    (James-Stein).
     """
     mean = square = 0.0
     count = 0
@@ -59,19 +51,7 @@ def working_variances(
 def median_of(values: FloatArray, use: BoolArray, work: FloatArray) -> float:
     """Return the median of the values in use.
 
-    Parameters
-    ----------
-    values : (M,) ndarray
-        Numbers.
-    use : (M,) ndarray of bool
-        Which.
-    work : (M,) ndarray
-        Work space.
-
-    Returns
-    -------
-    float
-        Zero when none is in use.
+    values (M,): numbers; use (M,): which; work (M,): work space.
     """
     count = 0
     for m in range(values.size):
@@ -104,18 +84,8 @@ def load_sample(
 ) -> None:
     """Take one sample of the axes in use, less bias differences and what rotation adds.
 
-    Parameters
-    ----------
-    measurements, arm_tensor, arm
-        As in `schuler.kernels.arrays.redundancy.follow`.
-    t : int
-        The sample.
-    bias : (M,) ndarray
-        Bias differences.
-    active, count
-        From the plan.
-    y : (M,) ndarray
-        Filled in place.
+    measurements, arm_tensor, arm: as in `schuler.kernels.arrays.redundancy.follow`; t: the sample;
+    bias (M,): bias differences; active, count: from the plan; y (M,): filled in place.
     """
     if count == bias.size:
         for m in range(count):
@@ -143,18 +113,8 @@ def tally(
 ) -> None:
     """Add residuals and their ratios to the sums of the block, outliers made smaller.
 
-    Parameters
-    ----------
-    f, ratio : (M,) ndarray
-        Residuals, and f²/q.
-    best : float
-        The largest ratio.
-    clip : float
-        Largest ratio that counts as it is.
-    count : int
-        Axes in use.
-    sums, squares : (M,) ndarray
-        Brought up to date.
+    f, ratio (M,): residuals, and f²/q; best: the largest ratio; clip: largest ratio that counts as
+    it is; count: axes in use; sums, squares (M,): brought up to date.
     """
     if best <= clip:
         for a in range(count):
@@ -180,20 +140,9 @@ def follow_biases(
 ) -> None:
     """Let bias differences follow the mean residuals, in the gauge of the mean of the axes.
 
-    Parameters
-    ----------
-    means : (M,) ndarray
-        Mean residuals of the block.
-    trust : (M,) ndarray
-        Share of the gain for each axis: less in motion, none for a suspect.
-    gain : float
-        Share of a block.
-    axes : (M, 3) ndarray
-        All axes.
-    plan : Plan
-        Of the axes in use with equal weights.
-    bias : (M,) ndarray
-        Brought up to date.
+    means (M,): mean residuals of the block; trust (M,): share of the gain for each axis: less in
+    motion, none for a suspect; gain: share of a block; axes (M, 3): all axes; plan: of the axes in
+    use with equal weights; bias (M,): brought up to date.
     """
     active, pi, count = plan.active, plan.pi, plan.count[0]
     x0 = x1 = x2 = 0.0
@@ -223,23 +172,11 @@ def follow_variances(
 ) -> None:
     """Let variances follow the squares of a block: their common level soon, each one slowly.
 
-    What all axes do together is known from all of them, so it can be followed with a short
-    memory; by its median, so that one axis does not move the others.
-
-    Parameters
-    ----------
-    excess, seen : (M,) ndarray
-        Sums of f²/q of the block, and of how many samples.
-    use : (M,) ndarray of bool
-        Axes in use.
-    block : int
-        Samples of a block.
-    adaptation, common : float
-        Share of a block in each variance, and in the common level.
-    variance : (M,) ndarray
-        Brought up to date.
-    work, ratio : (M,) ndarray
-        Work space.
+    What all axes do together is known from all of them, so it can be followed with a short memory;
+    by its median, so that one axis does not move the others. excess, seen (M,): sums of f²/q of the
+    block, and of how many samples; use (M,): axes in use; block: samples of a block; adaptation,
+    common: share of a block in each variance, and in the common level; variance (M,): brought up to
+    date; work, ratio (M,): work space.
     """
     number, samples = 0, 0.0
     for m in range(variance.size):
@@ -274,23 +211,8 @@ def out_of_use(
 ) -> float:
     """Return by how much an axis that is out differs from what the others say, mean of a block.
 
-    Parameters
-    ----------
-    measurements, arm_tensor, arm, fused
-        As in `schuler.kernels.arrays.redundancy.follow`.
-    start, stop : int
-        Samples of the block.
-    m : int
-        The axis.
-    axis : (3,) ndarray
-        Its direction.
-    bias : float
-        Its bias difference.
-
-    Returns
-    -------
-    float
-        NaN when a sample is missing.
+    measurements, arm_tensor, arm, fused: as in `schuler.kernels.arrays.redundancy.follow`; start,
+    stop: samples of the block; m: the axis; axis (3,): its direction; bias: its bias difference.
     """
     total = 0.0
     for t in range(start, stop):

@@ -9,15 +9,9 @@ F = f_T' Q_TT^-1 f_T.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.arrays.redundancy_data import Plan
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from schuler.kernels.types import BoolArray, FloatArray, IntArray
 
 
 @kernel(inline=True)
@@ -26,16 +20,9 @@ def invert_symmetric(
 ) -> tuple[float, float, float, float, float, float, float]:
     """Invert a positive semidefinite 3 x 3 matrix.
 
-    Parameters
-    ----------
-    a, b, c, d, e, f : float
-        Its upper triangle, row by row. Numbers, because handing on arrays costs more than this.
-
-    Returns
-    -------
-    tuple of float
-        Its determinant over that of its diagonal, between 0 (singular) and 1 (orthogonal), and
-        the upper triangle of the inverse; zeros when the determinant is not positive.
+    a, b, c, d, e, f: its upper triangle, row by row. Numbers, because handing on arrays costs more
+    than this. Returns its determinant over that of its diagonal, between 0 (singular) and 1
+    (orthogonal), and the upper triangle of the inverse; zeros when the determinant is not positive.
     """
     m00, m01, m02 = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * m00 + b * m01 + c * m02
@@ -53,23 +40,9 @@ def arrange(
 ) -> int:
     """Fill the plan for the axes in use.
 
-    Parameters
-    ----------
-    axes : (M, 3) ndarray
-        Unit rows h of all axes.
-    unit : (M,) ndarray of int
-        Unit of each, not decreasing.
-    variance : (M,) ndarray
-        s of a sample.
-    use : (M,) ndarray of bool
-        Which to use.
-    plan : Plan
-        Filled.
-
-    Returns
-    -------
-    int
-        Number of axes in use; -1 when they leave a direction unmeasured.
+    axes (M, 3): unit rows h of all axes; unit (M,): unit of each, not decreasing; variance (M,): s
+    of a sample; use (M,): which to use; plan: filled. Returns number of axes in use; -1 when they
+    leave a direction unmeasured.
     """
     active, bounds, h, pi, weight = plan.active, plan.bounds, plan.h, plan.pi, plan.weight
     testing, inverse = plan.testing, plan.inverse
@@ -153,21 +126,8 @@ def fuse_sample(
 ) -> tuple[float, float, float]:
     """Fuse one sample and find its residuals.
 
-    Parameters
-    ----------
-    y : (M,) ndarray
-        Measurements of the axes in use.
-    h, pi : (3, M) ndarray
-        From the plan.
-    count : int
-        Axes in use.
-    f : (M,) ndarray
-        Filled with the residuals.
-
-    Returns
-    -------
-    tuple of float
-        The fused vector.
+    y (M,): measurements of the axes in use; h, pi (3, M): from the plan; count: axes in use; f
+    (M,): filled with the residuals. Returns the fused vector.
     """
     x0 = x1 = x2 = 0.0
     for a in range(count):
@@ -183,17 +143,7 @@ def fuse_sample(
 def weighted_squares(f: FloatArray, weight: FloatArray, count: int) -> float:
     """Return the chi-square statistic of one sample.
 
-    Parameters
-    ----------
-    f, weight : (M,) ndarray
-        Residuals and 1/s.
-    count : int
-        Axes in use.
-
-    Returns
-    -------
-    float
-        D = sum f²/s, chi-square with count - 3 degrees of freedom (spec 6.4).
+    f, weight (M,): residuals and 1/s; count: axes in use.
     """
     total = 0.0
     for a in range(count):
@@ -207,19 +157,8 @@ def axis_statistics(
 ) -> tuple[float, int]:
     """Find the likelihood statistics of a fault of one axis.
 
-    Parameters
-    ----------
-    f, testing : (M,) ndarray
-        Residuals and 1/q.
-    count : int
-        Axes in use.
-    ratio : (M,) ndarray
-        Filled with F = f²/q, each chi-square with one degree of freedom (spec 6.5).
-
-    Returns
-    -------
-    tuple
-        The largest F, and its place.
+    f, testing (M,): residuals and 1/q; count: axes in use; ratio (M,): filled with F = f²/q, each
+    chi-square with one degree of freedom (spec 6.5). Returns the largest F, and its place.
     """
     for a in range(count):
         ratio[a] = f[a] * f[a] * testing[a]
@@ -242,21 +181,8 @@ def axis_statistics(
 def unit_statistic(f: FloatArray, first: int, size: int, unit_testing: FloatArray, u: int) -> float:
     """Return the likelihood statistic of a fault of one unit.
 
-    Parameters
-    ----------
-    f : (M,) ndarray
-        Residuals of the axes in use.
-    first, size : int
-        Where the unit's axes are: one, two or three.
-    unit_testing : (units, 3, 3) ndarray
-        Q_TT^-1 of all units.
-    u : int
-        Which unit.
-
-    Returns
-    -------
-    float
-        f_T' Q_TT^-1 f_T, chi-square with `size` degrees of freedom (spec 6.5).
+    f (M,): residuals of the axes in use; first, size: where the unit's axes are: one, two or three;
+    unit_testing (units, 3, 3): Q_TT^-1 of all units; u: which unit.
     """
     if size == 3:
         x, y, z = f[first], f[first + 1], f[first + 2]
@@ -279,17 +205,8 @@ def unit_statistic(f: FloatArray, first: int, size: int, unit_testing: FloatArra
 def worst_unit(f: FloatArray, bounds: IntArray, unit_testing: FloatArray) -> tuple[float, int]:
     """Find the unit whose fault would explain the residuals best.
 
-    Parameters
-    ----------
-    f : (M,) ndarray
-        Residuals of the axes in use.
-    bounds, unit_testing
-        From the plan.
-
-    Returns
-    -------
-    tuple
-        Its F and its number; -1, -1 when there is none.
+    f (M,): residuals of the axes in use; bounds, unit_testing: from the plan. Returns its F and its
+    number; -1, -1 when there is none.
     """
     best, which = -1.0, -1
     for u in range(bounds.size - 1):

@@ -7,9 +7,10 @@ healthy data, because biases wander (spec 6.5), plus what motion adds to all of 
 
 from __future__ import annotations
 
-from schuler.kernels.arrays.fusion import FloatArray, arrange, unit_statistic
+from schuler.kernels.arrays.fusion import arrange, unit_statistic
 from schuler.kernels.arrays.redundancy_data import Plan, Redundancy
 from schuler.kernels.compile import kernel
+from schuler.kernels.types import FloatArray
 
 
 @kernel()

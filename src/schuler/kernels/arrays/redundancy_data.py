@@ -24,8 +24,8 @@ from schuler.kernels.structure_fields import (
     seen,
 )
 from schuler.kernels.structures import carve, size_of, structure
+from schuler.kernels.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Rows3 = Annotated[FloatArray, reals(None, 3)]
 Columns3 = Annotated[FloatArray, reals(3, None)]
 Seen = Annotated[FloatArray, seen(reals(None))]

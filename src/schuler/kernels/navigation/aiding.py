@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.attitude_aiding import heading_model, magnetic_model
 from schuler.kernels.navigation.filter_data import Filter
@@ -26,13 +23,12 @@ from schuler.kernels.navigation.vehicle import (
     zero_rate_model,
     zero_velocity_model,
 )
-
-Array = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(inline=True)
 def constraint_applies(
-    kind: int, velocity: Array, covariance: Array, rolling: float, standing: float
+    kind: int, velocity: FloatArray, covariance: FloatArray, rolling: float, standing: float
 ) -> bool:
     """Whether the vehicle moves as a constraint supposes, by the filter's own speed.
 
@@ -132,10 +128,10 @@ def aiding_model(f: Filter, u: int, kind: int, k: int, step: float) -> None:
         for c in range(3):
             rate -= state.rotation[c, i] * state.earth[3 + c]
         z.body_rate[i] = rate
-    if kind == 0 or kind == 8:
-        antenna_model(f, 0)
-    elif kind == 1:
-        antenna_model(f, 1)
+    if kind == 0 or kind == 1 or kind == 8:
+        # by a number that is not literal: one signature for both
+        antenna_model(f, kind % 8)
+    if kind == 1:
         add_rate_noise(z.lever, state.rotation, work.white, step, z.noise_variance)
     elif kind == 2:
         rolling_model(f)

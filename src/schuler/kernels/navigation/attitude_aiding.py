@@ -15,18 +15,18 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.update import clear
-
-Array = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
 def heading_model(
-    value: Array, baseline: Array, rotation: Array, residual: Array, design: Array
+    value: FloatArray,
+    baseline: FloatArray,
+    rotation: FloatArray,
+    residual: FloatArray,
+    design: FloatArray,
 ) -> None:
     """Write residual (3,) and H (3, n) of the heading of a direction of the body.
 
@@ -53,7 +53,11 @@ def heading_model(
 
 @kernel()
 def magnetic_model(
-    value: Array, field: Array, rotation: Array, residual: Array, design: Array
+    value: FloatArray,
+    field: FloatArray,
+    rotation: FloatArray,
+    residual: FloatArray,
+    design: FloatArray,
 ) -> None:
     """Write residual (3,) and H (3, n) of the magnetic field in body axes.
 

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.geodesy import radii_of_curvature
+from schuler.kernels.navigation.stacked_data import Tie
+from schuler.kernels.navigation.update import clear
 
 Array = NDArray[np.float64]
 
@@ -70,11 +72,7 @@ def constraint_model(
     arm: Array,
     body_rate: Array,
     frame_rate: Array,
-    residual: Array,
-    by_first: Array,
-    by_second: Array,
-    by_relative: Array,
-    by_gyro: Array,
+    tie: Tie,
 ) -> None:
     """Residuals and Jacobians of one pair. Spec 7.6.
 
@@ -84,9 +82,11 @@ def constraint_model(
     either IMU; by_relative (9, 6) of the errors of C_12 and a; by_gyro (3, 3) of the velocity
     residual by the error left in the gyros of IMU 1.
     """
-    by_first[:, :] = 0.0
-    by_second[:, :] = 0.0
-    by_relative[:, :] = 0.0
+    residual, by_gyro = tie.residual, tie.by_gyro
+    by_first, by_second, by_relative = tie.by_first, tie.by_second, tie.by_relative
+    clear(by_first)
+    clear(by_second)
+    clear(by_relative)
     rotation_residual(rotation_1, rotation_2, relative, residual)
     for i in range(3):
         by_first[i, 6 + i] = -1.0

@@ -16,37 +16,38 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.filter_data import FilterState, SensorModel, Work
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 
 @kernel(inline=True)
-def work_rows(work: Work) -> tuple[Array, Array, Array, Array]:
-    """Rows of 264 for channel errors (6), two results (9 each), and whole blocks (9 or more).
+def work_rows(work: Work) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Rows of 264 for channel errors (6), two results and what is multiplied (9 each).
 
-    Parts of one array, so that the compiler knows that they lie apart.
+    Parts of one array of known length, so that the compiler knows that they lie apart.
     """
     s = 264
     flat = work.rows
-    return flat[: 6 * s], flat[6 * s : 15 * s], flat[15 * s : 24 * s], flat[24 * s :]
+    return flat[: 6 * s], flat[6 * s : 15 * s], flat[15 * s : 24 * s], flat[24 * s : 33 * s]
+
+
+@kernel(inline=True)
+def full_lanes(width: int) -> int:
+    """The next multiple of four: a loop over so many places leaves no rest to do one by one."""
+    return (width + 3) & -4
 
 
 @kernel(inline=True)
 def navigation_rows(
-    rows: Array,
-    channel_errors: Array,
-    result: Array,
+    rows: FloatArray,
+    channel_errors: FloatArray,
+    result: FloatArray,
     width: int,
     dt: float,
-    rotation: Array,
-    earth: Array,
-    transport: Array,
+    rotation: FloatArray,
+    earth: FloatArray,
+    transport: FloatArray,
 ) -> None:
     """Apply one step of the transition to nine rows. Spec 7.2.
 
@@ -95,7 +96,7 @@ def navigation_rows(
 
 @kernel(inline=True)
 def channel_rows(
-    covariance: Array, channel: Integers, direction: Array, width: int, result: Array
+    covariance: FloatArray, channel: IntArray, direction: FloatArray, width: int, result: FloatArray
 ) -> None:
     """Sum the rows of the sensor states into the six channel errors of the body frame.
 
@@ -129,7 +130,11 @@ def channel_rows(
 
 @kernel(inline=True)
 def sensor_covariance(
-    covariance: Array, block: Integers, transition: Array, noise: Array, rows: Array
+    covariance: FloatArray,
+    block: IntArray,
+    transition: FloatArray,
+    noise: FloatArray,
+    rows: FloatArray,
 ) -> None:
     """F_s P_ss F_s' + Q of the sensor states, in place, with blocks of any size.
 
@@ -191,7 +196,9 @@ def sensor_covariance(
 
 
 @kernel(inline=True)
-def add_white_noise(covariance: Array, rotation: Array, white: Array, dt: float) -> None:
+def add_white_noise(
+    covariance: FloatArray, rotation: FloatArray, white: FloatArray, dt: float
+) -> None:
     """Add C W C' dt of both triads."""
     for part in range(2):
         first = 3 + 3 * part
@@ -208,7 +215,9 @@ def add_white_noise(covariance: Array, rotation: Array, white: Array, dt: float)
 
 
 @kernel(inline=True)
-def channel_columns(channel: Integers, direction: Array, top: Array, errors: Array) -> None:
+def channel_columns(
+    channel: IntArray, direction: FloatArray, top: FloatArray, errors: FloatArray
+) -> None:
     """Sum the columns of the sensor states in `top` into six rows of nine, `errors`."""
     s = 264
     for c in range(6):
@@ -233,7 +242,9 @@ def channel_columns(channel: Integers, direction: Array, top: Array, errors: Arr
 
 
 @kernel(inline=True)
-def cross_covariance(covariance: Array, block: Integers, transition: Array, top: Array) -> None:
+def cross_covariance(
+    covariance: FloatArray, block: IntArray, transition: FloatArray, top: FloatArray
+) -> None:
     """Write what the sensor states share with the navigation error: columns of `top` times F_s'."""
     s = 264
     for j in range(block.shape[0]):
@@ -265,16 +276,17 @@ def propagate_covariance(state: FilterState, model: SensorModel, work: Work, dt:
         for k in range(n):
             rows[i * s + k] = covariance[i, k]
     channel_rows(covariance, model.channel, work.shown, n, errors)
-    navigation_rows(rows, errors, top, n, dt, rotation, earth, transport)
+    # behind the last column stand zeros
+    navigation_rows(rows, errors, top, full_lanes(n), dt, rotation, earth, transport)
     for i in range(9):
         for k in range(9):
             rows[k * s + i] = top[i * s + k]
     channel_columns(model.channel, work.shown, top, errors)
-    navigation_rows(rows, errors, block_top, 9, dt, rotation, earth, transport)
+    navigation_rows(rows, errors, block_top, full_lanes(9), dt, rotation, earth, transport)
     for i in range(9):
         for k in range(i + 1):
             covariance[i, k] = block_top[i * s + k]
             covariance[k, i] = block_top[i * s + k]
     cross_covariance(covariance, model.block, state.transition, top)
-    sensor_covariance(covariance, model.block, state.transition, state.noise, rows)
+    sensor_covariance(covariance, model.block, state.transition, state.noise, work.blocks)
     add_white_noise(covariance, rotation, work.white, dt)

@@ -112,17 +112,19 @@ def take_sample(f: Filter, k: int, step: float, first: bool) -> bool:
         scale_directions(
             samples.gyro[k], samples.accel[k], model.scaled_by, model.direction, f.work.shown
         )
-    if model.discrete and raise_blocks(
-        step,
-        model.drift,
-        model.diffusion,
-        model.block,
-        model.interval,
-        state.steps,
-        state.power,
-        state.power_noise,
-    ):
-        choose_blocks(f, False)
+    if model.discrete:
+        changed = raise_blocks(
+            step,
+            model.drift,
+            model.diffusion,
+            model.block,
+            model.interval,
+            state.steps,
+            state.power,
+            state.power_noise,
+        )
+        if changed:
+            choose_blocks(f, not changed)
     # nobody knows how rates changed in a gap
     smooth: bool = step < 3.0 * state.step[0]
     correct(f, k, step)

@@ -30,9 +30,7 @@ from schuler.kernels.structure_fields import (
     wholes,
 )
 from schuler.kernels.structures import carve, size_of, structure
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 # places of a row of work
 ROW = 264
@@ -56,8 +54,8 @@ AIDING_ROW = np.dtype(
 )
 """One measurement, the fields as in `AidingSchedule`."""
 
-Vectors3 = Annotated[Array, reals(None, 3)]
-Matrices3 = Annotated[Array, reals(None, 3, 3)]
+Vectors3 = Annotated[FloatArray, reals(None, 3)]
+Matrices3 = Annotated[FloatArray, reals(None, 3, 3)]
 
 
 def _state_shapes(m: int, widest: int, accumulating: bool) -> dict[str, tuple[int, ...]]:
@@ -130,15 +128,15 @@ class FilterState:
     counters: Places
     position: Vector3
     velocity: Vector3
-    quaternion: Annotated[Array, reals(4)]
+    quaternion: Annotated[FloatArray, reals(4)]
     rotation: Matrix3
-    earth: Annotated[Array, reals(10)]
+    earth: Annotated[FloatArray, reals(10)]
     transport: Vector3
     angle: Vector3
     velocity_increment: Vector3
     coning: Vector3
     sculling: Vector3
-    past: Annotated[Array, reals(3, 6)]
+    past: Annotated[FloatArray, reals(3, 6)]
     mean_force: Vector3
     mean_rate: Vector3
     rate_share: Number
@@ -148,7 +146,7 @@ class FilterState:
     time: Number
     step: Number
     node_time: Number
-    adapted: Annotated[Array, reals(4)]
+    adapted: Annotated[FloatArray, reals(4)]
     sensor: Vector
     transition: Matrix
     noise: Matrix
@@ -161,7 +159,7 @@ class FilterState:
     aided: Counter
     nodes: Counter
     moved: Counter
-    refused: Annotated[Integers, wholes(KINDS)]
+    refused: Annotated[IntArray, wholes(KINDS)]
     steps: Places
 
     @classmethod
@@ -176,7 +174,7 @@ class FilterState:
 
     @classmethod
     def of(
-        cls, m: int, widest: int, accumulating: bool, memory: Array, counters: Integers
+        cls, m: int, widest: int, accumulating: bool, memory: FloatArray, counters: IntArray
     ) -> FilterState:
         """The state that is kept in these arrays."""
         views: Mapping[str, Any] = {
@@ -207,11 +205,11 @@ class SensorModel:
     channel: Places
     direction: Vectors3
     scaled_by: Places
-    block: Annotated[Integers, wholes(None, 2)]
+    block: Annotated[IntArray, wholes(None, 2)]
     interval: Vector
     drift: Matrix
     diffusion: Matrix
-    white: Annotated[Array, reals(2, 3, 3)]
+    white: Annotated[FloatArray, reals(2, 3, 3)]
     discrete: bool
     modulated: bool
 
@@ -227,8 +225,8 @@ class Rules:
     `longest_step` are integrated in pieces. Nodes are made at least every `node_interval`.
     """
 
-    gate: Annotated[Array, reals(4)]
-    robustness: Annotated[Array, reals(9)]
+    gate: Annotated[FloatArray, reals(4)]
+    robustness: Annotated[FloatArray, reals(9)]
     patience: int
     vehicle: int
     mounting: Matrix3
@@ -245,10 +243,10 @@ class Samples:
     The scale multiplies the variances of white noise sample by sample, accelerometers first.
     """
 
-    time: Annotated[Array, seen(reals(None))]
-    gyro: Annotated[Array, seen(reals(None, 3))]
-    accel: Annotated[Array, seen(reals(None, 3))]
-    white_scale: Annotated[Array, seen(reals(None, 6))]
+    time: Annotated[FloatArray, seen(reals(None))]
+    gyro: Annotated[FloatArray, seen(reals(None, 3))]
+    accel: Annotated[FloatArray, seen(reals(None, 3))]
+    white_scale: Annotated[FloatArray, seen(reals(None, 6))]
 
 
 @structure
@@ -259,7 +257,7 @@ class Schedule:
     """
 
     rows: Annotated[NDArray[np.void], ArrayField(AIDING_ROW, (None,), seen=True)]
-    matrices: Annotated[Array, seen(reals(None, 3, None))]
+    matrices: Annotated[FloatArray, seen(reals(None, 3, None))]
 
 
 @structure
@@ -347,20 +345,22 @@ class VehicleWork:
 class Work:
     """What a step writes and forgets.
 
-    rows: rows of `ROW` places in one array, see `work_rows`; sensor (m,);
+    rows: rows of `ROW` places in one array, see `work_rows`; blocks: as many as the largest block
+    has states; sensor (m,);
     shown (m, 3): how states show in this sample; angle to sculling: shares of a sample that fall
     on one step; white (2, 3, 3) and root (6,): noise in this sample.
     """
 
-    rows: Vector
+    rows: Annotated[FloatArray, reals(33 * ROW)]
+    blocks: Vector
     sensor: Vector
     shown: Vectors3
     angle: Vector3
     velocity_increment: Vector3
     coning: Vector3
     sculling: Vector3
-    white: Annotated[Array, reals(2, 3, 3)]
-    root: Annotated[Array, reals(6)]
+    white: Annotated[FloatArray, reals(2, 3, 3)]
+    root: Annotated[FloatArray, reals(6)]
     vehicle: VehicleWork
 
     @classmethod
@@ -368,7 +368,8 @@ class Work:
         """Work for a model."""
         m, widest = model.drift.shape
         shapes = {
-            "rows": ((24 + max(9, widest)) * ROW,),
+            "rows": (33 * ROW,),
+            "blocks": (widest * ROW,),
             "sensor": (m,),
             "shown": (m, 3),
             "angle": (3,),
@@ -424,7 +425,7 @@ class AidingOutputs:
     accepted: Flags
     row: Cube
     gain: Cube
-    scalar: Annotated[Array, reals(None, 3, 2)]
+    scalar: Annotated[FloatArray, reals(None, 3, 2)]
 
     @classmethod
     def empty(cls, rows: int, kept: int, size: int) -> AidingOutputs:
@@ -457,7 +458,7 @@ class NodeOutputs:
     top: Cube
     transition: Cube
     error: Matrix
-    aid: Annotated[Integers, wholes(None, 2)]
+    aid: Annotated[IntArray, wholes(None, 2)]
 
     @property
     def size(self) -> int:

@@ -18,17 +18,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.filter_data import Measurement
-
-Array = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(inline=True)
-def robust_weight(nis: float, degrees: int, robustness: Array) -> float:
+def robust_weight(nis: float, degrees: int, robustness: FloatArray) -> float:
     """Weight of a measurement with this squared innovation: 1 where it is as expected."""
     if robustness[0] == 1.0:
         limit = robustness[degrees]
@@ -38,7 +34,9 @@ def robust_weight(nis: float, degrees: int, robustness: Array) -> float:
 
 
 @kernel(inline=True)
-def scale_noise(kind: int, robustness: Array, adapted: Array, variance: Array) -> None:
+def scale_noise(
+    kind: int, robustness: FloatArray, adapted: FloatArray, variance: FloatArray
+) -> None:
     """Multiply the variances (3,) of a measurement by the factor found so far.
 
     adapted (4,): shape and scale of the inverse gamma distribution of the factor, by kind; zero
@@ -55,12 +53,12 @@ def scale_noise(kind: int, robustness: Array, adapted: Array, variance: Array) -
 @kernel()
 def adapt_noise(
     kind: int,
-    robustness: Array,
+    robustness: FloatArray,
     nis: float,
     degrees: int,
     z: Measurement,
-    covariance: Array,
-    adapted: Array,
+    covariance: FloatArray,
+    adapted: FloatArray,
 ) -> None:
     """Take an update into the distribution of the factor on the claimed variances.
 

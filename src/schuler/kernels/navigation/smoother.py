@@ -10,15 +10,12 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.filter_data import AidingOutputs, NodeOutputs
 from schuler.kernels.structure_fields import Matrix, Vector, reals
 from schuler.kernels.structures import structure
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 
 @structure
@@ -46,7 +43,7 @@ class Smoothed:
     """
 
     error: Matrix
-    position: Annotated[Array, reals(None, 3, 3)]
+    position: Annotated[FloatArray, reals(None, 3, 3)]
     variance: Matrix
 
     @classmethod
@@ -58,7 +55,7 @@ class Smoothed:
 
 @kernel()
 def back_through_update(
-    a: Adjoint, row: Array, gain: Array, innovation: float, variance: float
+    a: Adjoint, row: FloatArray, gain: FloatArray, innovation: float, variance: float
 ) -> None:
     """Take the adjoint variables back through one scalar update, in place.
 
@@ -91,7 +88,7 @@ def back_through_update(
 
 
 @kernel()
-def information_times(a: Adjoint, top: Array, sensor: Array, block: Integers) -> None:
+def information_times(a: Adjoint, top: FloatArray, sensor: FloatArray, block: IntArray) -> None:
     """Write Lambda F to the work."""
     information, work = a.matrix, a.work
     n = a.vector.size
@@ -116,7 +113,7 @@ def information_times(a: Adjoint, top: Array, sensor: Array, block: Integers) ->
 
 
 @kernel()
-def transposed_times(a: Adjoint, top: Array, sensor: Array, block: Integers) -> None:
+def transposed_times(a: Adjoint, top: FloatArray, sensor: FloatArray, block: IntArray) -> None:
     """Lambda <- F' times the work, made symmetric."""
     information, work = a.matrix, a.work
     n = a.vector.size
@@ -146,7 +143,9 @@ def transposed_times(a: Adjoint, top: Array, sensor: Array, block: Integers) -> 
 
 
 @kernel()
-def back_through_transition(a: Adjoint, top: Array, sensor: Array, block: Integers) -> None:
+def back_through_transition(
+    a: Adjoint, top: FloatArray, sensor: FloatArray, block: IntArray
+) -> None:
     """Lambda <- F' lambda and Lambda <- F' Lambda F, in place; F as the filter stores it."""
     information_times(a, top, sensor, block)
     transposed_times(a, top, sensor, block)
@@ -170,7 +169,7 @@ def back_through_transition(a: Adjoint, top: Array, sensor: Array, block: Intege
 
 @kernel()
 def back_through_node(
-    node: int, nodes: NodeOutputs, aiding: AidingOutputs, block: Integers, a: Adjoint
+    node: int, nodes: NodeOutputs, aiding: AidingOutputs, block: IntArray, a: Adjoint
 ) -> None:
     """Take the adjoint variables from behind a node's updates to behind those of the node before.
 
@@ -195,7 +194,7 @@ def back_through_node(
 
 
 @kernel()
-def smooth_node(covariance: Array, a: Adjoint, smoothed: Smoothed, k: int) -> None:
+def smooth_node(covariance: FloatArray, a: Adjoint, smoothed: Smoothed, k: int) -> None:
     """What is known at a node with everything behind it: x = -P lambda, P - P Lambda P."""
     adjoint, information, line = a.vector, a.matrix, a.line
     n = adjoint.size
@@ -227,7 +226,7 @@ def smooth_nodes(
     stop: int,
     nodes: NodeOutputs,
     aiding: AidingOutputs,
-    block: Integers,
+    block: IntArray,
     a: Adjoint,
     smoothed: Smoothed,
 ) -> None:
@@ -239,11 +238,11 @@ def smooth_nodes(
 
 @kernel()
 def smooth_with_lag(
-    horizon: Integers,
+    horizon: IntArray,
     first: int,
     nodes: NodeOutputs,
     aiding: AidingOutputs,
-    block: Integers,
+    block: IntArray,
     a: Adjoint,
     here: Smoothed,
     ahead: Smoothed,

@@ -10,13 +10,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.geodesy import gravity_down, radii_of_curvature
-
-Array = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(inline=True)
@@ -31,7 +27,7 @@ def half_angle_factors(squared: float) -> tuple[float, float]:
 
 
 @kernel(inline=True)
-def rotate_after(quaternion: Array, x: float, y: float, z: float) -> None:
+def rotate_after(quaternion: FloatArray, x: float, y: float, z: float) -> None:
     """Replace q by q(x, y, z) q: a further rotation vector given in the outer (n) frame."""
     c, s = half_angle_factors(x * x + y * y + z * z)
     x, y, z = s * x, s * y, s * z
@@ -43,7 +39,7 @@ def rotate_after(quaternion: Array, x: float, y: float, z: float) -> None:
 
 
 @kernel(inline=True)
-def rotate_before(quaternion: Array, x: float, y: float, z: float) -> None:
+def rotate_before(quaternion: FloatArray, x: float, y: float, z: float) -> None:
     """Replace q by q q(x, y, z): a further rotation vector given in the inner (body) frame."""
     c, s = half_angle_factors(x * x + y * y + z * z)
     x, y, z = s * x, s * y, s * z
@@ -55,7 +51,7 @@ def rotate_before(quaternion: Array, x: float, y: float, z: float) -> None:
 
 
 @kernel(inline=True)
-def rotation_from_quaternion(quaternion: Array, rotation: Array) -> None:
+def rotation_from_quaternion(quaternion: FloatArray, rotation: FloatArray) -> None:
     """Normalise the quaternion and write its matrix C_nb. Groves (2.34)."""
     a, b, c, d = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     scale = 1.0 / math.sqrt(a * a + b * b + c * c + d * d)
@@ -74,7 +70,12 @@ def rotation_from_quaternion(quaternion: Array, rotation: Array) -> None:
 
 @kernel(inline=True)
 def coning_and_sculling(
-    angle: Array, velocity: Array, past: Array, step: float, coning: Array, sculling: Array
+    angle: FloatArray,
+    velocity: FloatArray,
+    past: FloatArray,
+    step: float,
+    coning: FloatArray,
+    sculling: FloatArray,
 ) -> None:
     """What a sample turns and pushes beyond its increments, as rate and force changed in it.
 
@@ -134,7 +135,7 @@ def coning_and_sculling(
 
 
 @kernel(inline=True)
-def remember_sample(angle: Array, velocity: Array, step: float, past: Array) -> None:
+def remember_sample(angle: FloatArray, velocity: FloatArray, step: float, past: FloatArray) -> None:
     """Move the samples of `past` (3, 6) one back, and put this one first, as rates."""
     for i in range(3):
         past[2, i], past[2, 3 + i] = past[1, i], past[1, 3 + i]
@@ -146,15 +147,15 @@ def remember_sample(angle: Array, velocity: Array, step: float, past: Array) -> 
 @kernel(inline=True)
 def strapdown_step(
     dt: float,
-    increment_angle: Array,
-    increment_velocity: Array,
-    coning: Array,
-    sculling: Array,
-    position: Array,
-    velocity: Array,
-    quaternion: Array,
-    rotation: Array,
-    earth: Array,
+    increment_angle: FloatArray,
+    increment_velocity: FloatArray,
+    coning: FloatArray,
+    sculling: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    quaternion: FloatArray,
+    rotation: FloatArray,
+    earth: FloatArray,
 ) -> None:
     """Advance the navigation state by one step.
 

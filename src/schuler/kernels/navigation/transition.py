@@ -12,26 +12,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-from schuler.kernels.navigation.covariance import navigation_rows, work_rows
+from schuler.kernels.navigation.covariance import full_lanes, navigation_rows, work_rows
 from schuler.kernels.navigation.filter_data import FilterState, SensorModel, Work
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 
 @kernel(inline=True)
 def correct_sample(
-    gyro: Array,
-    accel: Array,
+    gyro: FloatArray,
+    accel: FloatArray,
     dt: float,
-    sensor_state: Array,
-    channel: Integers,
-    direction: Array,
-    angle: Array,
-    velocity: Array,
+    sensor_state: FloatArray,
+    channel: IntArray,
+    direction: FloatArray,
+    angle: FloatArray,
+    velocity: FloatArray,
 ) -> None:
     """Increments over one sample with the estimated sensor errors taken off. Spec 7.2.
 
@@ -63,7 +60,11 @@ def correct_sample(
 
 @kernel(inline=True)
 def scale_directions(
-    gyro: Array, accel: Array, scaled_by: Integers, direction: Array, shown: Array
+    gyro: FloatArray,
+    accel: FloatArray,
+    scaled_by: IntArray,
+    direction: FloatArray,
+    shown: FloatArray,
 ) -> None:
     """Write how states show that are in proportion to what a channel measures (m, 3).
 
@@ -82,12 +83,12 @@ def scale_directions(
 @kernel(inline=True)
 def sensor_transition(
     dt: float,
-    drift: Array,
-    diffusion: Array,
-    block: Integers,
-    interval: Array,
-    transition: Array,
-    noise: Array,
+    drift: FloatArray,
+    diffusion: FloatArray,
+    block: IntArray,
+    interval: FloatArray,
+    transition: FloatArray,
+    noise: FloatArray,
 ) -> None:
     """Discretise the sensor states in continuous time for one step, exactly for single states.
 
@@ -137,13 +138,13 @@ def sensor_transition(
 @kernel()
 def raise_blocks(
     step: float,
-    drift: Array,
-    diffusion: Array,
-    block: Integers,
-    interval: Array,
-    steps: Integers,
-    power: Array,
-    power_noise: Array,
+    drift: FloatArray,
+    diffusion: FloatArray,
+    block: IntArray,
+    interval: FloatArray,
+    steps: IntArray,
+    power: FloatArray,
+    power_noise: FloatArray,
 ) -> bool:
     """Raise the blocks of one interval to the number of their steps in one sample. Spec 7.3.
 
@@ -193,12 +194,12 @@ def raise_blocks(
 @kernel()
 def set_blocks(
     moving: bool,
-    block: Integers,
-    interval: Array,
-    power: Array,
-    power_noise: Array,
-    transition: Array,
-    noise: Array,
+    block: IntArray,
+    interval: FloatArray,
+    power: FloatArray,
+    power_noise: FloatArray,
+    transition: FloatArray,
+    noise: FloatArray,
 ) -> None:
     """Let the blocks of one interval move over a step, or stand still.
 
@@ -218,7 +219,7 @@ def set_blocks(
 
 @kernel(inline=True)
 def move_sensor_states(
-    sensor_state: Array, block: Integers, transition: Array, work: Array
+    sensor_state: FloatArray, block: IntArray, transition: FloatArray, work: FloatArray
 ) -> None:
     """X <- F_s x, in place; `work` (m,)."""
     m = sensor_state.size
@@ -235,7 +236,9 @@ def move_sensor_states(
 
 
 @kernel(inline=True)
-def multiply_blocks(sensor: Array, block: Integers, transition: Array, work: Array) -> None:
+def multiply_blocks(
+    sensor: FloatArray, block: IntArray, transition: FloatArray, work: FloatArray
+) -> None:
     """Left-multiply the blocks of the sensor states (m, w) by those of one step, in place."""
     for j in range(block.shape[0]):
         first, size = block[j, 0], block[j, 1]
@@ -280,19 +283,20 @@ def accumulate_transition(state: FilterState, model: SensorModel, work: Work, dt
                 base = 0 if c < 3 else 3
                 for i in range(3):
                     errors[(base + i) * s + 9 + first + q] += direction[j, i] * sensor[j, q]
-    navigation_rows(top, errors, result, n, dt, state.rotation, state.earth, state.transport)
+    rotation, earth, transport = state.rotation, state.earth, state.transport
+    navigation_rows(top, errors, result, full_lanes(n), dt, rotation, earth, transport)
     for i in range(9):
         for k in range(n):
             top[i * s + k] = result[i * s + k]
-    multiply_blocks(sensor, block, state.transition, result)
+    multiply_blocks(sensor, block, state.transition, work.blocks)
 
 
 @kernel(inline=True)
-def reset_transition(top: Array, sensor: Array, block: Integers) -> None:
+def reset_transition(top: FloatArray, sensor: FloatArray, block: IntArray) -> None:
     """Set the accumulated transition to the identity."""
-    for i in range(top.size):
-        top[i] = 0.0
     for i in range(9):
+        for k in range(9 + sensor.shape[0]):
+            top[i * 264 + k] = 0.0
         top[i * 264 + i] = 1.0
     for j in range(sensor.shape[0]):
         for q in range(sensor.shape[1]):

@@ -16,18 +16,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.geodesy import radii_of_curvature
 from schuler.kernels.navigation.strapdown import rotate_after, rotation_from_quaternion
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 
 @kernel(inline=True)
-def clear(design: Array) -> None:
+def clear(design: FloatArray) -> None:
     """Set to zero."""
     for i in range(design.shape[0]):
         for k in range(design.shape[1]):
@@ -37,16 +34,16 @@ def clear(design: Array) -> None:
 @kernel()
 def measurement_model(
     kind: int,
-    value: Array,
-    lever_arm: Array,
-    position: Array,
-    velocity: Array,
-    rotation: Array,
-    body_rate: Array,
-    channel: Integers,
-    direction: Array,
-    residual: Array,
-    design: Array,
+    value: FloatArray,
+    lever_arm: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    rotation: FloatArray,
+    body_rate: FloatArray,
+    channel: IntArray,
+    direction: FloatArray,
+    residual: FloatArray,
+    design: FloatArray,
 ) -> None:
     """Write residual (3,) and design matrix H (3, n) of one measurement. Spec 7.2.
 
@@ -104,7 +101,11 @@ def measurement_model(
 
 @kernel()
 def add_offset_states(
-    offset: Integers, scale: Array, sensor_state: Array, residual: Array, design: Array
+    offset: IntArray,
+    scale: FloatArray,
+    sensor_state: FloatArray,
+    residual: FloatArray,
+    design: FloatArray,
 ) -> None:
     """Add states to what a measurement is predicted to be.
 
@@ -120,7 +121,11 @@ def add_offset_states(
 
 @kernel(inline=True)
 def add_rate_noise(
-    lever: Array, rotation: Array, white: Array, step: float, noise_variance: Array
+    lever: FloatArray,
+    rotation: FloatArray,
+    white: FloatArray,
+    step: float,
+    noise_variance: FloatArray,
 ) -> None:
     """Add what the gyros' noise of one sample puts into the velocity of an antenna, (3,).
 
@@ -143,7 +148,11 @@ def add_rate_noise(
 
 @kernel()
 def innovation_statistics(
-    residual: Array, design: Array, variance: Array, covariance: Array, deviation: Array
+    residual: FloatArray,
+    design: FloatArray,
+    variance: FloatArray,
+    covariance: FloatArray,
+    deviation: FloatArray,
 ) -> tuple[float, float, int]:
     """Normalised innovation squared, log det S and degrees of freedom of a measurement.
 
@@ -196,11 +205,11 @@ def innovation_statistics(
 @kernel()
 def scalar_update(
     innovation: float,
-    row: Array,
+    row: FloatArray,
     variance: float,
-    covariance: Array,
-    error: Array,
-    gain: Array,
+    covariance: FloatArray,
+    error: FloatArray,
+    gain: FloatArray,
 ) -> float:
     """Joseph-form update with one scalar z = h x + v; returns its innovation variance.
 
@@ -236,12 +245,12 @@ def scalar_update(
 
 @kernel()
 def feed_back(
-    error: Array,
-    position: Array,
-    velocity: Array,
-    quaternion: Array,
-    rotation: Array,
-    sensor_state: Array,
+    error: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    quaternion: FloatArray,
+    rotation: FloatArray,
+    sensor_state: FloatArray,
 ) -> None:
     """Take the estimated error out of the state (closed loop). Spec 7.2.
 

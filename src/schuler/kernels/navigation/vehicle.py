@@ -26,9 +26,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.filter_data import (
     FilterState,
@@ -39,14 +36,12 @@ from schuler.kernels.navigation.filter_data import (
     Work,
 )
 from schuler.kernels.navigation.update import clear
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 
 @kernel(inline=True)
 def mounting_rotation(
-    a: float, b: float, c: float, nominal: Array, rotation: Array, jacobian: Array
+    a: float, b: float, c: float, nominal: FloatArray, rotation: FloatArray, jacobian: FloatArray
 ) -> None:
     """Write M = exp([mu x]) M_0 (3, 3) and the left Jacobian of mu = (a, b, c), rad.
 
@@ -89,7 +84,7 @@ def mounting_rotation(
 
 
 @kernel(inline=True)
-def gyro_direction(j: int, channel: Integers, direction: Array, shown: Array) -> bool:
+def gyro_direction(j: int, channel: IntArray, direction: FloatArray, shown: FloatArray) -> bool:
     """Write how sensor state j shows in the rate of the body (3,); False if it does not."""
     if channel[j] < 3:
         return False
@@ -141,7 +136,7 @@ def zero_rate_model(state: FilterState, model: SensorModel, work: Work, z: Measu
 
 
 @kernel()
-def look_from_vehicle(state: FilterState, rules: Rules, v: VehicleWork, design: Array) -> None:
+def look_from_vehicle(state: FilterState, rules: Rules, v: VehicleWork, design: FloatArray) -> None:
     """Write what vehicle axes see of the motion, and how velocity and attitude show in it."""
     rotation, velocity, acceleration = state.rotation, state.velocity, v.acceleration
     first = rules.vehicle
@@ -180,7 +175,7 @@ def look_from_vehicle(state: FilterState, rules: Rules, v: VehicleWork, design: 
 
 
 @kernel()
-def lever_design(first: int, v: VehicleWork, design: Array) -> None:
+def lever_design(first: int, v: VehicleWork, design: FloatArray) -> None:
     """Write how the point that does not slip shows, then slip and pitch in what is across."""
     turn = v.turn
     # -[turn x] for l that is true minus estimated
@@ -196,7 +191,7 @@ def lever_design(first: int, v: VehicleWork, design: Array) -> None:
 
 @kernel()
 def rate_design(
-    state: FilterState, model: SensorModel, rules: Rules, work: Work, design: Array
+    state: FilterState, model: SensorModel, rules: Rules, work: Work, design: FloatArray
 ) -> None:
     """Write how the rate of the body shows, and through it the states of the gyros."""
     v, first = work.vehicle, rules.vehicle
@@ -222,7 +217,7 @@ def rate_design(
 
 
 @kernel()
-def mounting_design(state: FilterState, first: int, v: VehicleWork, design: Array) -> None:
+def mounting_design(state: FilterState, first: int, v: VehicleWork, design: FloatArray) -> None:
     """Write how the mounting shows.
 
     A turn phi of M on its left adds phi x here + (phi x turn) x l, phi x turn and phi x force.

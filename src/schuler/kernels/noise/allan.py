@@ -9,26 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
 def integrate(signal: FloatArray, offset: FloatArray, theta: FloatArray) -> None:
     """Write the running sum of every column less its offset; theta[:, 0] = 0.
 
-    Parameters
-    ----------
-    signal : (n, m) ndarray
-        Samples, at any stride.
-    offset : (m,) ndarray
-        About the mean of every column, taken off so that the sums stay small (second differences
-        do not see it).
-    theta : (m, n + 1) ndarray
-        Filled in place.
+    signal (n, m): samples, at any stride; offset (m,): about the mean of every column, taken off so
+    that the sums stay small (second differences do not see it); theta (m, n + 1): filled in place.
     """
     total = np.zeros(offset.size)
-    theta[:, 0] = 0.0
+    for c in range(offset.size):
+        theta[c, 0] = 0.0
     for k in range(signal.shape[0]):
         for j in range(offset.size):
             total[j] += signal[k, j] - offset[j]
@@ -45,19 +38,8 @@ def squared_second_differences(
 ) -> tuple[float, float]:
     """Return the sums of (last - 2 middle + first)² for two clusters that start together.
 
-    Two at a time, because loading is what takes the time.
-
-    Parameters
-    ----------
-    first, middle, last : (k,) ndarray
-        Views into the running sum, a cluster apart.
-    wide_middle, wide_last : (k,) ndarray
-        The same for a second cluster length.
-
-    Returns
-    -------
-    tuple of float
-        Both sums.
+    Two at a time, because loading is what takes the time. first, middle, last (k,): views into the
+    running sum, a cluster apart; wide_middle, wide_last (k,): the same for a second cluster length.
     """
     total, wide_total = 0.0, 0.0
     for k in range(first.size):
@@ -73,20 +55,13 @@ def allan_sums(theta: FloatArray, factors: NDArray[np.int64], sums: FloatArray, 
     """Add up the squared second differences of every cluster length, block by block.
 
     All cluster lengths are served while a block of `theta` is in the cache, two at a time: pairs
-    share the terms that both have, the shorter one then takes its last few alone.
-
-    Parameters
-    ----------
-    theta : (n + 1,) ndarray
-        Running sum of the samples.
-    factors : (t,) ndarray of int
-        Samples in a cluster, increasing; 2 * factor <= n.
-    sums : (t,) ndarray
-        Filled in place with sum over k of (theta[k+2m] - 2 theta[k+m] + theta[k])².
-    block : int
-        Terms served before the next cluster length gets its turn.
+    share the terms that both have, the shorter one then takes its last few alone. theta (n + 1,):
+    running sum of the samples; factors (t,): samples in a cluster, increasing; 2 * factor <= n;
+    sums (t,): filled in place with sum over k of (theta[k+2m] - 2 theta[k+m] + theta[k])²; block:
+    terms served before the next cluster length gets its turn.
     """
-    sums[:] = 0.0
+    for c in range(sums.size):
+        sums[c] = 0.0
     for start in range(0, theta.size, block):
         for j in range(0, factors.size, 2):
             m = factors[j]

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(inline=True)
@@ -105,6 +104,17 @@ def _lag_covariance(
 
 
 @kernel()
+def _sort(values: FloatArray, count: int) -> None:
+    """Sort the first few values by insertion; `np.sort` takes seconds to compile."""
+    for k in range(1, count):
+        value, place = values[k], k
+        while place > 0 and values[place - 1] > value:
+            values[place] = values[place - 1]
+            place -= 1
+        values[place] = value
+
+
+@kernel()
 def _panels(
     m: float, n: float, end: float, rough: bool, gm_time: FloatArray, edges: FloatArray
 ) -> int:
@@ -122,11 +132,12 @@ def _panels(
     # a process with memory reaches beyond the overlap of the two
     last = end if rough or gm_time.size > 0 else min(end, n + m)
     kept = 0
-    ordered = np.sort(edges[:count])
+    _sort(edges, count)
     for k in range(count):
-        inside = 0.0 <= ordered[k] < last
-        if inside and (kept == 0 or ordered[k] > edges[kept - 1] * (1.0 + 1e-12)):
-            edges[kept] = ordered[k]
+        edge = edges[k]
+        inside = 0.0 <= edge < last
+        if inside and (kept == 0 or edge > edges[kept - 1] * (1.0 + 1e-12)):
+            edges[kept] = edge
             kept += 1
     edges[kept] = last
     return kept + 1
@@ -197,26 +208,13 @@ def relative_covariance(
 ) -> None:
     """Covariance of overlapping Allan variances over the product of their expectations.
 
-    Parameters
-    ----------
-    factors : (t,) ndarray of int
-        Samples in a cluster, increasing; 2 * factor < size.
-    size : int
-        Number of values of theta: one more than samples.
-    white : float
-        Variance of the white part of a sample.
-    quantization : float
-        Variance of theta (in units of samples) from quantisation.
-    walk : float
-        Variance of a random walk's step from sample to sample.
-    flicker : float
-        B² 2/pi ... in K = flicker u² ln|u|/2; its scale matters only beside others.
-    gm_variance, gm_time : (g,) ndarray
-        Gauss-Markov variances and correlation times in samples.
-    diagonal_only : bool
-        Leave everything beside the diagonal as it is.
-    out : (t, t) ndarray
-        Filled in place.
+    factors (t,): samples in a cluster, increasing; 2 * factor < size; size: number of values of
+    theta: one more than samples; white: variance of the white part of a sample; quantization:
+    variance of theta (in units of samples) from quantisation; walk: variance of a random walk's
+    step from sample to sample; flicker: B² 2/pi ... in K = flicker u² ln|u|/2; its scale matters
+    only beside others; gm_variance, gm_time (g,): gauss-Markov variances and correlation times in
+    samples; diagonal_only: leave everything beside the diagonal as it is; out (t, t): filled in
+    place.
     """
     edges = np.empty(5 * (1 + 4 * (1 + gm_time.size)) + 1)
     expected = np.empty(factors.size)

@@ -6,11 +6,9 @@ NIST SP 1065 (Riley 2008), sections 5.2.3 to 5.2.14, for theta the running sum o
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(reduction=True)
@@ -19,15 +17,7 @@ def sum_squared_second_differences(
 ) -> float:
     """Return the sum of (last - 2 middle + first)².
 
-    Parameters
-    ----------
-    first, middle, last : (k,) ndarray
-        Views into theta, a cluster apart, at any stride.
-
-    Returns
-    -------
-    float
-        In the square of theta's unit.
+    first, middle, last (k,): views into theta, a cluster apart, at any stride.
     """
     total = 0.0
     for k in range(first.size):
@@ -42,15 +32,7 @@ def sum_squared_third_differences(
 ) -> float:
     """Return the sum of (fourth - 3 third + 3 second - first)²: the Hadamard variance.
 
-    Parameters
-    ----------
-    first, second, third, fourth : (k,) ndarray
-        Views into theta, a cluster apart.
-
-    Returns
-    -------
-    float
-        In the square of theta's unit.
+    first, second, third, fourth (k,): views into theta, a cluster apart.
     """
     total = 0.0
     for k in range(first.size):
@@ -63,19 +45,8 @@ def sum_squared_third_differences(
 def sum_squared_averaged_differences(theta: FloatArray, factor: int) -> float:
     """Return the sum of squares of second differences averaged over a cluster (modified Allan).
 
-    The average moves on by one value at a time.
-
-    Parameters
-    ----------
-    theta : (n + 1,) ndarray
-        Running sum of the samples.
-    factor : int
-        Samples in a cluster; 3 * factor <= n + 1.
-
-    Returns
-    -------
-    float
-        Of theta.size - 3 * factor + 1 terms, in the square of theta's unit.
+    The average moves on by one value at a time. theta (n + 1,): running sum of the samples; factor:
+    samples in a cluster; 3 * factor <= n + 1.
     """
     m = factor
     average = 0.0
@@ -94,21 +65,9 @@ def mean_square_of_total_windows(values: FloatArray, factor: int, step: int) -> 
 
     Every window of three clusters has its trend (between the means of its halves) taken off, is
     reflected at both ends, and gives 6 * factor second differences of cluster means. Howe and
-    Vernotte 1999; NIST SP 1065, 5.2.12 and 5.2.14.
-
-    Parameters
-    ----------
-    values : (n,) ndarray
-        Theta for the modified total, samples for the Hadamard total variance.
-    factor : int
-        Samples in a cluster; 3 * factor <= n.
-    step : int
-        Values from window to window: 1 is the definition.
-
-    Returns
-    -------
-    float
-        In the square of the unit of `values`.
+    Vernotte 1999; NIST SP 1065, 5.2.12 and 5.2.14. values (n,): theta for the modified total,
+    samples for the Hadamard total variance; factor: samples in a cluster; 3 * factor <= n; step:
+    values from window to window: 1 is the definition.
     """
     m, width = factor, 3 * factor
     half = width // 2

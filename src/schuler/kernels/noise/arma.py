@@ -9,11 +9,9 @@ moving-average coefficients and the filter is a plain recursion.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
@@ -31,25 +29,11 @@ def settle(
 ) -> int:
     """Run the filter with its full covariance until its gains are constant.
 
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Samples less a mean.
-    phi, theta : (s,) ndarray
-        Padded to the number of states s = max(p, q + 1); theta[0] = 1 leads.
-    covariance : (s, s) ndarray
-        Stationary covariance of the states for unit driving noise; overwritten.
-    state, response_state : (s,) ndarray
-        Predicted states of the signal and of a constant 1, zero at the start; overwritten.
-    sums : (4,) ndarray
-        As in `exact_innovations`.
-    residual, response, log_variance : (n,) or (0,) ndarray
-        As in `exact_innovations`.
-
-    Returns
-    -------
-    int
-        Number of samples used.
+    signal (n,): samples less a mean; phi, theta (s,): padded to the number of states s = max(p, q +
+    1); theta[0] = 1 leads; covariance (s, s): stationary covariance of the states for unit driving
+    noise; overwritten; state, response_state (s,): predicted states of the signal and of a constant
+    1, zero at the start; overwritten; sums (4,): as in `exact_innovations`; residual, response,
+    log_variance (n,) or (0,): as in `exact_innovations`. Returns number of samples used.
     """
     s = phi.size
     gain = np.zeros(s)
@@ -107,24 +91,11 @@ def exact_innovations(
 ) -> tuple[float, float, float, float]:
     """Standardised innovations u of a signal and o of a constant, and what the likelihood needs.
 
-    For x(t) = mu + signal the innovations are u - (mu - 0) o: the mean is concentrated out by
-    least squares from the sums.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Samples less a mean.
-    phi, theta : (s,) ndarray
-        Padded to s = max(p, q + 1) states; theta[0] = 1 leads.
-    covariance : (s, s) ndarray
-        Stationary covariance of the states for unit driving noise; overwritten.
-    residual, response, log_variance : (n,) ndarray, or (0,) where not wanted
-        Filled with u, o and ln f, f being the innovation variance for unit driving noise.
-
-    Returns
-    -------
-    tuple of float
-        Sums of u², u o, o² and ln f.
+    For x(t) = mu + signal the innovations are u - (mu - 0) o: the mean is concentrated out by least
+    squares from the sums. signal (n,): samples less a mean; phi, theta (s,): padded to s = max(p, q
+    + 1) states; theta[0] = 1 leads; covariance (s, s): stationary covariance of the states for unit
+    driving noise; overwritten; residual, response, log_variance (n,): filled with u, o and ln f, f
+    being the innovation variance for unit driving noise. Returns sums of u², u o, o² and ln f.
     """
     s = phi.size
     state = np.zeros(s + 1)

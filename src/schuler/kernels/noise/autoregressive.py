@@ -6,27 +6,15 @@ halves of a lattice stage while it is in the cache; the block sums also keep rou
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel(reduction=True, inline=True)
 def dot(first: FloatArray, second: FloatArray) -> float:
     """Return the sum of products of two views of equal length.
 
-    Parameters
-    ----------
-    first, second : (n,) ndarray
-        Views.
-
-    Returns
-    -------
-    float
-        Their inner product.
+    first, second (n,): views.
     """
     total = 0.0
     for k in range(first.size):
@@ -38,15 +26,7 @@ def dot(first: FloatArray, second: FloatArray) -> float:
 def energy(first: FloatArray, second: FloatArray) -> float:
     """Return the sum of squares of two views of equal length.
 
-    Parameters
-    ----------
-    first, second : (n,) ndarray
-        Views.
-
-    Returns
-    -------
-    float
-        Their energy together.
+    first, second (n,): views.
     """
     total = 0.0
     for k in range(first.size):
@@ -58,16 +38,11 @@ def energy(first: FloatArray, second: FloatArray) -> float:
 def lag_products(signal: FloatArray, block: int, out: FloatArray) -> None:
     """Sum y(n) y(n-k) over all n >= k, for every lag k.
 
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Samples.
-    block : int
-        Samples served for all lags before the next block.
-    out : (p + 1,) ndarray
-        Filled in place; entry k belongs to lag k.
+    signal (n,): samples; block: samples served for all lags before the next block; out (p + 1,):
+    filled in place; entry k belongs to lag k.
     """
-    out[:] = 0.0
+    for lag in range(out.size):
+        out[lag] = 0.0
     for start in range(0, signal.size, block):
         stop = min(start + block, signal.size)
         for lag in range(out.size):
@@ -80,12 +55,8 @@ def lag_products(signal: FloatArray, block: int, out: FloatArray) -> None:
 def lattice_stage(forward: FloatArray, backward: FloatArray, reflection: float) -> None:
     """Replace e_f and e_b(n-1) of a stage by those of the next; S003 (12).
 
-    Parameters
-    ----------
-    forward, backward : (n,) ndarray
-        Views of equal length, changed in place.
-    reflection : float
-        Reflection coefficient gamma.
+    forward, backward (n,): views of equal length, changed in place; reflection: reflection
+    coefficient gamma.
     """
     for k in range(forward.size):
         before = forward[k]
@@ -105,27 +76,13 @@ def burg_lattice(
     """Reflection coefficients that minimise forward and backward errors, stage by stage.
 
     gamma_k = -2 sum e_f(n) e_b(n-1) / sum (e_f(n)² + e_b(n-1)²), sums from n = k+1 (S003 (13) with
-    its lower limit put right). One pass a stage: a block is carried to the next stage and its
-    sums are taken while it is in the cache. The one-sample delay of the backward error is a
-    shift of the pairs, never of the data.
-
-    Parameters
-    ----------
-    forward, backward : (n,) ndarray
-        Two copies of the signal, overwritten.
-    floor : float
-        Mean squared error below which the lattice ends: the signal is exactly predictable.
-    block : int
-        Samples of a block.
-    reflection : (p,) ndarray
-        Filled in place.
-    error : (p,) ndarray
-        Mean of forward and backward squared errors behind each stage, filled in place.
-
-    Returns
-    -------
-    int
-        Stages done; fewer than p where the error reached the floor.
+    its lower limit put right). One pass a stage: a block is carried to the next stage and its sums
+    are taken while it is in the cache. The one-sample delay of the backward error is a shift of the
+    pairs, never of the data. forward, backward (n,): two copies of the signal, overwritten; floor:
+    mean squared error below which the lattice ends: the signal is exactly predictable; block:
+    samples of a block; reflection (p,): filled in place; error (p,): mean of forward and backward
+    squared errors behind each stage, filled in place. Returns stages done; fewer than p where the
+    error reached the floor.
     """
     # pairs (e_f(n), e_b(n-1)): after k stages forward[k + i] belongs to backward[i]
     cross, power = 0.0, 0.0
@@ -166,16 +123,8 @@ def one_step_residuals(
 ) -> None:
     """Write e(n) = y(n) + sum a_k y(n-k) from n = start on (counted from zero).
 
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Samples.
-    coefficients : (p,) ndarray
-        a_1 .. a_p of A(z).
-    start : int
-        First sample predicted, at least p.
-    out : (n - start,) ndarray
-        Filled in place.
+    signal (n,): samples; coefficients (p,): a_1 .. a_p of A(z); start: first sample predicted, at
+    least p; out (n - start,): filled in place.
     """
     block = 4096
     for begin in range(start, signal.size, block):

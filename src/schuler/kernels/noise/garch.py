@@ -6,11 +6,9 @@ Spec 5.2: s_t = alpha_0 + sum alpha_i e²(t-i) + sum beta_j s(t-j), p squared sh
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
@@ -24,20 +22,9 @@ def garch_variances(
 ) -> None:
     """Fill in the conditional variances, each from the past alone.
 
-    Parameters
-    ----------
-    squares : (n,) ndarray
-        e².
-    alpha0 : float
-        Constant of the recursion.
-    alpha : (p,) ndarray
-        Weights of past squares.
-    beta : (q,) ndarray
-        Weights of past variances.
-    before : float
-        Square and variance at all times before the first sample.
-    variances : (n,) ndarray
-        Filled in place.
+    squares (n,): e²; alpha0: constant of the recursion; alpha (p,): weights of past squares; beta
+    (q,): weights of past variances; before: square and variance at all times before the first
+    sample; variances (n,): filled in place.
     """
     for t in range(squares.size):
         total = alpha0
@@ -61,25 +48,11 @@ def garch11_slopes(
 ) -> float:
     """Log likelihood of GARCH(1,1) less its constant, with derivatives.
 
-    Parameters
-    ----------
-    squares : (n,) ndarray
-        e², of about unit mean.
-    alpha0, alpha, beta : float
-        Parameters.
-    before : float
-        Square and variance before the first sample.
-    score : (3,) ndarray
-        Filled with the gradient by alpha0, alpha, beta.
-    information : (3, 3) ndarray
-        Filled with half the sum of (ds/s)(ds/s)', the expected information.
-    outer : (3, 3) ndarray or (0, 0) ndarray
-        Filled with the sum of the outer products of the scores; left out if empty.
-
-    Returns
-    -------
-    float
-        -1/2 sum (ln s + e²/s).
+    squares (n,): e², of about unit mean; alpha0, alpha, beta: parameters; before: square and
+    variance before the first sample; score (3,): filled with the gradient by alpha0, alpha, beta;
+    information (3, 3): filled with half the sum of (ds/s)(ds/s)', the expected information; outer
+    (3, 3): filled with the sum of the outer products of the scores; left out if empty. Returns -1/2
+    sum (ln s + e²/s).
     """
     product, logs, fit = 1.0, 0.0, 0.0
     g0 = g1 = g2 = 0.0
@@ -152,33 +125,13 @@ def arma_garch_slopes(
     """Log likelihood of ARMA(p, q) with GARCH(shocks, memories) innovations, less its constant.
 
     The start of the ARMA part is conditional: the signal is at its mean before the first sample.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        x, of about unit variance.
-    parameters : (k,) ndarray
-        mean, phi, theta, alpha0, alpha, beta; the mean and the ARMA part are left out when p is
-        negative, and the signal is then the innovation itself.
-    p, q : int
-        Orders of the ARMA part; p = -1, q = 0 for none.
-    shocks, memories : int
-        Orders of the GARCH part.
-    before : float
-        Square and variance before the first sample.
-    score : (k,) ndarray
-        Filled with the gradient.
-    information : (k, k) ndarray
-        Filled with the sum of (ds/s)(ds/s)'/2 + de de'/s.
-    outer : (k, k) or (0, 0) ndarray
-        Filled with the sum of the outer products of the scores; left out if empty.
-    residual, variances : (n,) ndarray
-        Filled with e and s.
-
-    Returns
-    -------
-    float
-        -1/2 sum (ln s + e²/s).
+    signal (n,): x, of about unit variance; parameters (k,): mean, phi, theta, alpha0, alpha, beta;
+    the mean and the ARMA part are left out when p is negative, and the signal is then the
+    innovation itself; p, q: orders of the ARMA part; p = -1, q = 0 for none; shocks, memories:
+    orders of the GARCH part; before: square and variance before the first sample; score (k,):
+    filled with the gradient; information (k, k): filled with the sum of (ds/s)(ds/s)'/2 + de de'/s;
+    outer (k, k) or (0, 0): filled with the sum of the outer products of the scores; left out if
+    empty; residual, variances (n,): filled with e and s. Returns -1/2 sum (ln s + e²/s).
     """
     k = parameters.size
     lead = p + q + 1
@@ -187,11 +140,13 @@ def arma_garch_slopes(
     de = np.zeros((depth, k))
     ds = np.zeros((depth, k))
     one = np.zeros(k)
-    score[:] = 0.0
-    information[:, :] = 0.0
     with_outer = outer.size > 0
-    if with_outer:
-        outer[:, :] = 0.0
+    for m in range(k):
+        score[m] = 0.0
+        for r in range(k):
+            information[m, r] = 0.0
+            if with_outer:
+                outer[m, r] = 0.0
     value = 0.0
     for t in range(signal.size):
         now = t % depth
@@ -263,20 +218,9 @@ def garch_noise(
 ) -> None:
     """Turn white unit noise into GARCH noise, in place.
 
-    Parameters
-    ----------
-    noise : (n,) ndarray
-        Z on entry, e = Z sqrt(s) on return.
-    alpha0 : float
-        Constant of the recursion.
-    alpha : (p,) ndarray
-        Weights of past squares.
-    beta : (q,) ndarray
-        Weights of past variances.
-    before : float
-        Square and variance before the first sample.
-    variances : (n,) ndarray
-        Filled in place.
+    noise (n,): Z on entry, e = Z sqrt(s) on return; alpha0: constant of the recursion; alpha (p,):
+    weights of past squares; beta (q,): weights of past variances; before: square and variance
+    before the first sample; variances (n,): filled in place.
     """
     for t in range(noise.size):
         total = alpha0

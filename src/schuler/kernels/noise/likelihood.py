@@ -14,11 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
@@ -35,20 +33,9 @@ def start_at_first(
 ) -> None:
     """Write state and covariance predicted for the second value.
 
-    Parameters
-    ----------
-    first : float
-        First value.
-    phi, load, drive, shared : (d,) ndarray
-        phi, a, q, c of every state, the level last.
-    noise : float
-        r.
-    stationary : (d,) ndarray
-        Variance of the states at the start; the last is not used.
-    state : (d,) ndarray
-        Filled in place.
-    covariance : (d, d) ndarray
-        Filled in place.
+    first: first value; phi, load, drive, shared (d,): phi, a, q, c of every state, the level last;
+    noise: r; stationary (d,): variance of the states at the start; the last is not used; state
+    (d,): filled in place; covariance (d, d): filled in place.
     """
     d = phi.size
     level = d - 1
@@ -88,27 +75,12 @@ def covariance_step(
 ) -> tuple[float, float]:
     """Write gain and covariance of filter f one step on; return innovation variance and change.
 
-    Parameters
-    ----------
-    f : int
-        Which filter. (Rows are indexed, not sliced: this is the hot loop.)
-    phi, load, drive, shared : (filters, d) ndarray
-        As above.
-    noise : (filters,) ndarray
-        r.
-    covariance : (filters, d, d) ndarray
-        Predicted, its lower triangle replaced by the next prediction.
-    gain : (filters, d) ndarray
-        Row f filled in place: what an innovation adds to the next prediction.
-    work : (d,) ndarray
-        Scratch.
-    tolerance : float
-        Relative change of a variance that counts as none.
-
-    Returns
-    -------
-    tuple of float
-        Innovation variance, and the largest change beyond the tolerance; zero when steady.
+    f: which filter. (Rows are indexed, not sliced: this is the hot loop.); phi, load, drive, shared
+    (filters, d): as above; noise (filters,): r; covariance (filters, d, d): predicted, its lower
+    triangle replaced by the next prediction; gain (filters, d): row f filled in place: what an
+    innovation adds to the next prediction; work (d,): scratch; tolerance: relative change of a
+    variance that counts as none. Returns innovation variance, and the largest change beyond the
+    tolerance; zero when steady.
     """
     d = phi.shape[1]
     variance = noise[f]
@@ -148,18 +120,8 @@ def innovations(
 ) -> None:
     """Run one filter in its steady state and write innovations.
 
-    Parameters
-    ----------
-    values : (n,) ndarray
-        Data.
-    start, stop : int
-        Which of them.
-    phi, load, gain : (d,) ndarray
-        Constants of the filter.
-    state : (d,) ndarray
-        Prediction, carried on in place.
-    out : (m,) ndarray
-        Filled up to stop - start.
+    values (n,): data; start, stop: which of them; phi, load, gain (d,): constants of the filter;
+    state (d,): prediction, carried on in place; out (m,): filled up to stop - start.
     """
     d = phi.size
     for k in range(start, stop):
@@ -177,15 +139,7 @@ def difference_products(
 ) -> tuple[float, float]:
     """Return the sums of (one - base) base and of (one - base)(other - base).
 
-    Parameters
-    ----------
-    base, one, other : (m,) ndarray
-        Innovations of three filters.
-
-    Returns
-    -------
-    tuple of float
-        Both sums.
+    base, one, other (m,): innovations of three filters.
     """
     score, information = 0.0, 0.0
     for k in range(base.size):
@@ -211,34 +165,21 @@ def likelihood_pass(
 ) -> tuple[float, float]:
     """Run f filters; filter 0 has the parameters, filter i has parameter i moved by `step`.
 
-    Parameters
-    ----------
-    values : (n,) ndarray
-        Data, n >= 2.
-    phi, load, drive, shared, stationary : (f, d) ndarray
-        By filter and state; the last state is the level.
-    noise : (f,) ndarray
-        r of every filter.
-    step : float
-        By how much the parameters were moved.
-    tolerance : float
-        Relative change of the covariances below which the filters count as steady.
-    score : (f - 1,) ndarray
-        Filled in place with the derivatives of the log-likelihood.
-    information : (f - 1, f - 1) ndarray
-        Filled in place with the expected information, given the data's own past.
-
-    Returns
-    -------
-    tuple of float
-        Diffuse log-likelihood of the values after the first, and the last innovation variance.
+    values (n,): data, n >= 2; phi, load, drive, shared, stationary (f, d): by filter and state; the
+    last state is the level; noise (f,): r of every filter; step: by how much the parameters were
+    moved; tolerance: relative change of the covariances below which the filters count as steady;
+    score (f - 1,): filled in place with the derivatives of the log-likelihood; information (f - 1,
+    f - 1): filled in place with the expected information, given the data's own past. Returns
+    diffuse log-likelihood of the values after the first, and the last innovation variance.
     """
     n, filters, d = values.size, phi.shape[0], phi.shape[1]
     state, gain = np.empty((filters, d)), np.empty((filters, d))
     covariance, work = np.empty((filters, d, d)), np.empty(d)
     v, variance = np.empty(filters), np.empty(filters)
-    score[:] = 0.0
-    information[:] = 0.0
+    for i in range(filters - 1):
+        score[i] = 0.0
+        for j in range(filters - 1):
+            information[i, j] = 0.0
     for i in range(filters):
         start_at_first(
             values[0],

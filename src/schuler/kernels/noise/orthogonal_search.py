@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from schuler.kernels.types import FloatArray, IntArray
 
 
 @kernel()
@@ -22,21 +17,12 @@ def fill_candidates(
 ) -> None:
     """Write the candidates of a block of samples, each less the product of its factors' means.
 
-    With x = m + u, a product is m1 m2 + m1 u2 + u1 (m2 + u2); the constant is never formed, so
-    that nothing cancels where the mean (gravity) is large beside the noise.
-
-    Parameters
-    ----------
-    signals : (s, n) ndarray
-        Centred signals u, the one to be predicted first.
-    means : (s,) ndarray
-        Means m in the same units.
-    sources, lags : (c, 2) ndarray of int
-        Signals and lags of the two factors; second source -1 for linear candidates.
-    start : int
-        Sample (from zero) that the first column of `out` predicts.
-    out : (c, k) ndarray
-        Filled in place: candidate by sample.
+    With x = m + u, a product is m1 m2 + m1 u2 + u1 (m2 + u2); the constant is never formed, so that
+    nothing cancels where the mean (gravity) is large beside the noise. signals (s, n): centred
+    signals u, the one to be predicted first; means (s,): means m in the same units; sources, lags
+    (c, 2): signals and lags of the two factors; second source -1 for linear candidates; start:
+    sample (from zero) that the first column of `out` predicts; out (c, k): filled in place:
+    candidate by sample.
     """
     count = out.shape[1]
     for c in range(sources.shape[0]):

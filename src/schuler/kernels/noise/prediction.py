@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
@@ -23,21 +21,10 @@ def kalman_states(
     """Write the state estimate behind every sample.
 
     The gain is held once it has stopped changing; from there a step costs a state update only.
-
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Measurements output @ x + white noise.
-    transition, noise : (s, s) ndarray
-        x(k+1) = transition @ x(k) + w, covariance of w.
-    output : (s,) ndarray
-        Output row.
-    white : float
-        Variance of the white noise of a sample.
-    start : (s, s) ndarray
-        Covariance of the state before the first sample.
-    states : (n, s) ndarray
-        Filled in place with the estimates from samples up to and with each.
+    signal (n,): measurements output @ x + white noise; transition, noise (s, s): x(k+1) =
+    transition @ x(k) + w, covariance of w; output (s,): output row; white: variance of the white
+    noise of a sample; start (s, s): covariance of the state before the first sample; states (n, s):
+    filled in place with the estimates from samples up to and with each.
     """
     size = output.size
     covariance, work = start.copy(), np.zeros((size, size))

@@ -14,15 +14,9 @@ def rare_changes(
 ) -> None:
     """Find the sequence of states of largest likelihood, each change paid for.
 
-    Parameters
-    ----------
-    log_likelihood : (n, s) ndarray
-        Of each sample in each state.
-    penalty : float
-        What a change from any state to any other costs.
-    path : (n,) ndarray of int64
-        Receives the states. Source: Viterbi 1967, IEEE Trans. Inf. Theory 13(2), with one cost
-        for all changes, so that each step needs the best state only: O(n s).
+    log_likelihood (n, s): of each sample in each state; penalty: what a change from any state to
+    any other costs; path (n,): receives the states. Source: Viterbi 1967, IEEE Trans. Inf. Theory
+    13(2), with one cost for all changes, so that each step needs the best state only: O(n s).
     """
     n, states = log_likelihood.shape
     came_from = np.empty((n, states), dtype=np.int64)

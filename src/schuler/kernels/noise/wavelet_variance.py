@@ -7,27 +7,18 @@ c and zero beyond.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from schuler.kernels.types import FloatArray
 
 
 @kernel()
 def medians_at_nodes(signal: FloatArray, window: int, step: int, medians: FloatArray) -> None:
     """Write the median of `window` samples about every `step`-th sample.
 
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Samples, n >= window.
-    window : int
-        Samples under the median; at the ends of the record the window is moved inwards.
-    step : int
-        Samples from node to node; node k is sample k * step.
-    medians : (m,) ndarray
-        Filled in place.
+    signal (n,): samples, n >= window; window: samples under the median; at the ends of the record
+    the window is moved inwards; step: samples from node to node; node k is sample k * step; medians
+    (m,): filled in place.
     """
     n = signal.size
     for k in range(medians.size):
@@ -39,17 +30,7 @@ def medians_at_nodes(signal: FloatArray, window: int, step: int, medians: FloatA
 def biweight_moments(residual: FloatArray, reach: float) -> tuple[float, float]:
     """Return the sums of w and of w r² with weights that vanish beyond `reach`.
 
-    Parameters
-    ----------
-    residual : (n,) ndarray
-        Residuals.
-    reach : float
-        c times the scale, in the unit of the residuals.
-
-    Returns
-    -------
-    tuple of float
-        sum w, and sum w residual².
+    residual (n,): residuals; reach: c times the scale, in the unit of the residuals.
     """
     total, squares = 0.0, 0.0
     inverse = 1.0 / (reach * reach)
@@ -68,21 +49,8 @@ def biweight_spread(
 ) -> tuple[float, float]:
     """Return what the sandwich of the M-estimate of variance needs.
 
-    Parameters
-    ----------
-    residual : (n,) ndarray
-        Residuals.
-    scale : float
-        The estimate of their scale.
-    reach : float
-        c times the scale.
-    consistency : float
-        kappa = E w r²/E w of a standard normal r.
-
-    Returns
-    -------
-    tuple of float
-        Sum of psi², psi = w (r² - kappa), and sum of d psi/d ln variance.
+    residual (n,): residuals; scale: the estimate of their scale; reach: c times the scale;
+    consistency: kappa = E w r²/E w of a standard normal r.
     """
     squares, slope = 0.0, 0.0
     inverse, unit = 1.0 / (reach * reach), 1.0 / (scale * scale)
@@ -101,19 +69,9 @@ def biweight_spread(
 def biweight_influence(residual: FloatArray, reach: float, influence: FloatArray) -> float:
     """Write w r for every residual, and return the sum of its slopes d(w r)/dr.
 
-    Parameters
-    ----------
-    residual : (n,) ndarray
-        Residuals.
-    reach : float
-        c times the scale, in the unit of the residuals.
-    influence : (n,) ndarray
-        Filled in place; may be `residual` itself.
-
-    Returns
-    -------
-    float
-        Sum of (1 - u)(1 - 5 u), u = (r/c)², over the residuals within reach.
+    residual (n,): residuals; reach: c times the scale, in the unit of the residuals; influence
+    (n,): filled in place; may be `residual` itself. Returns sum of (1 - u)(1 - 5 u), u = (r/c)²,
+    over the residuals within reach.
     """
     slope = 0.0
     inverse = 1.0 / (reach * reach)
@@ -131,16 +89,9 @@ def haar_coefficients(
 ) -> None:
     """Write interior Haar coefficients: half the difference of two neighbouring means.
 
-    Parameters
-    ----------
-    theta : (n + 1,) ndarray
-        Running sum of the samples, theta[0] = 0.
-    factor : int
-        Samples under either mean.
-    stride : int
-        Every how many-th coefficient.
-    coefficients : (k,) ndarray
-        Filled in place; (k - 1) * stride + 2 * factor <= n.
+    theta (n + 1,): running sum of the samples, theta[0] = 0; factor: samples under either mean;
+    stride: every how many-th coefficient; coefficients (k,): filled in place; (k - 1) * stride + 2
+    * factor <= n.
     """
     scale = 0.5 / factor
     for k in range(coefficients.size):

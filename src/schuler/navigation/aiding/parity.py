@@ -14,11 +14,20 @@ from numpy.typing import NDArray
 
 from schuler.arrays.merit import parity_matrix
 from schuler.data.array import ImuArray
+from schuler.data.mounting import Mounting
 from schuler.errors import InputError
 from schuler.navigation.aiding.schedule import AidingSchedule, linear_measurements, merge_schedules
+from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.mechanizations.array_model import Fusion, sensor_directions
+from schuler.navigation.mechanizations.array_model import (
+    Fusion,
+    extended_model,
+    fusion_of,
+    sensor_directions,
+    without_idle_states,
+)
 from schuler.navigation.mechanizations.array_recording import arm_forces
+from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
 
@@ -112,3 +121,64 @@ def interval_ends(time: FloatArray, interval: float) -> NDArray[np.int64]:
         )
     found: NDArray[np.int64] = ends.astype(np.int64)
     return found
+
+
+def array_error_model(
+    noise_models: Sequence[NoiseModel],
+    mounting: Mounting,
+    *,
+    turn_on_accel: float,
+    turn_on_gyro: float,
+) -> tuple[SensorErrorModel, FloatArray]:
+    """Return the error states of every sensor of an array, and what parity measures of them.
+
+    Parameters
+    ----------
+    noise_models : sequence of NoiseModel
+        One for each IMU.
+    mounting : Mounting
+        Of the IMUs on the body.
+    turn_on_accel, turn_on_gyro : float
+        Standard deviations of constants at switch-on, m/s² and rad/s; zero: no such states.
+
+    Returns
+    -------
+    model : SensorErrorModel
+        Of the extended filter, m states.
+    rows : (6 (k - 1), 9 + m) ndarray
+        Of the parity vectors on all states, navigation first, whitened; for `observability`.
+
+    Raises
+    ------
+    InputError
+        Numbers of models and IMUs that differ.
+
+    Notes
+    -----
+    S002 (9), (13): GNSS sees six combinations of the 6 k biases, parity sees the others.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> gyro = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(1e-3, 100.0)
+    >>> accel = schuler.WhiteNoise(1e-2) + schuler.GaussMarkov(0.1, 60.0)
+    >>> noise = [schuler.NoiseModel.isotropic(gyro, accel)] * 4
+    >>> none = {"turn_on_accel": 0.0, "turn_on_gyro": 0.0}
+    >>> model, rows = schuler.array_error_model(noise, schuler.tetrahedron_mounting(), **none)
+    >>> model.size, rows.shape
+    (24, (18, 33))
+    """
+    if len(noise_models) != mounting.count:
+        raise InputError(
+            f"{len(noise_models)} noise models for {mounting.count} IMUs", expected="one for each"
+        )
+    models = [
+        without_idle_states(
+            sensor_error_model(noise, turn_on_accel=turn_on_accel, turn_on_gyro=turn_on_gyro)
+        )
+        for noise in noise_models
+    ]
+    fusion = fusion_of(mounting, models)
+    wide = extended_model(models, fusion, [str(i + 1) for i in range(len(models))])
+    rows = np.vstack(parity_rows(models, fusion, wide.size))
+    return wide, np.hstack([np.zeros((rows.shape[0], 9)), rows])

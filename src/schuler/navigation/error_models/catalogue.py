@@ -216,7 +216,46 @@ def error_model(
     denoising: SensorDenoising | None = None,
     changing_noise: ChangingNoise | None = None,
 ) -> ErrorModel:
-    """Build an error model of the catalogue."""
+    """Build an error model of the catalogue by its name.
+
+    Parameters
+    ----------
+    name : str
+        "15AV", "18AV", "18AVWD", "15AR", "27AR", "18AV+turn-on", "flicker4", "own", and others that
+        `schuler outages --models` lists; "+averaged" or "+garch" behind it follows the noise.
+    readings : mapping of str to AllanReading
+        N, B, K by channel, SI.
+    autoregressive : mapping of str to Autoregressive, optional
+        By channel, for the AR models.
+    noise_model : NoiseModel, optional
+        For "own".
+    denoising : SensorDenoising, optional
+        Of the measurements; S004 Table 7 for "18AVWD" if not given.
+    changing_noise : ChangingNoise, optional
+        How noise is followed.
+
+    Returns
+    -------
+    ErrorModel
+        States of the filter and what is done to its measurements.
+
+    Raises
+    ------
+    InputError
+        An unknown name, or what it needs is missing.
+
+    Notes
+    -----
+    S004 equations (19) to (36) and Table 8.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> reading = schuler.AllanReading(1e-3, 1e-5, 100.0, 1e-6)
+    >>> channels = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+    >>> schuler.error_model("18AV", {c: reading for c in channels}).states
+    18
+    """
     base, options = split_model_name(name)
     missing = [c for c in CHANNELS if c not in readings]
     if missing and base != "own":

@@ -13,13 +13,14 @@ from typing import Any, Literal
 import numpy as np
 
 from schuler.data import CHANNELS, ImuRecording
+from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
 
 Form = Literal["off-line", "causal"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SensorDenoising:
+class SensorDenoising(ToDict):
     """Levels of decomposition for every channel.
 
     Parameters
@@ -32,6 +33,8 @@ class SensorDenoising:
         The transform over the whole record, which looks ahead; or the approximation filter
         alone, which does not, and whose answer for a moment comes `latency` later.
     """
+
+    JSON = "levels wavelet form reach_samples=reach"
 
     levels: Mapping[str, int]
     wavelet: str = "db4"
@@ -86,15 +89,6 @@ class SensorDenoising:
             accel=np.stack([columns[c] for c in CHANNELS[3:]], axis=-1),
             history=(*imu.history, f"wavelet de-noised, {self.form}"),
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return {
-            "levels": dict(self.levels),
-            "wavelet": self.wavelet,
-            "form": self.form,
-            "reach_samples": self.reach,
-        }
 
     def _delay(self, level: int) -> int:
         from schuler.denoising import CausalDenoiser

@@ -37,6 +37,8 @@ __all__ = [
 
 # the rate of an IMU is seldom exactly what its maker says: this much away is still the interval
 SAME_INTERVAL = 0.01
+FASTEST_FLICKER = 1.0
+"""Seconds: correlation time of the first Gauss-Markov noise of a flicker sum in a filter."""
 
 
 def sensor_error_model(
@@ -50,7 +52,35 @@ def sensor_error_model(
     """Lay out the states of all six channels, each with a state that can hold a constant.
 
     A channel without a constant state gets a turn-on bias: without one a filter forgets the
-    constant part within an outage (spec 7.3, turn-on bias).
+    constant part within an outage.
+
+    Parameters
+    ----------
+    noise_model : NoiseModel
+        Of one IMU.
+    turn_on_accel, turn_on_gyro : float
+        Standard deviations of constants at switch-on, m/s² and rad/s.
+    interval : float, optional
+        Between samples, s; for processes that exist at one interval only.
+    hold_constants : bool
+        Whether channels without a constant state get one.
+
+    Returns
+    -------
+    SensorErrorModel
+        For `observability` and filters.
+
+    Raises
+    ------
+    ModelError
+        A process without a state space.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(1e-3), schuler.WhiteNoise(1e-2))
+    >>> schuler.sensor_error_model(noise, turn_on_accel=0.1, turn_on_gyro=0.01).size
+    6
     """
     names: list[str] = []
     ignored: list[str] = []
@@ -58,7 +88,8 @@ def sensor_error_model(
     white = np.zeros(6)
     for c, name in enumerate(FILTER_CHANNELS):
         turn_on = turn_on_accel if c < 3 else turn_on_gyro
-        parts = list(noise_model.process(name).components)
+        # flicker faster than a second acts as white noise on a filter
+        parts = list(noise_model.process(name).coarser(FASTEST_FLICKER))
         held = [p for p in parts if not isinstance(p, Quantization)]
         ignored += [f"{name} quantisation" for p in parts if isinstance(p, Quantization)]
         found = [

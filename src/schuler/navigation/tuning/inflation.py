@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.data.to_dict import ToDict
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -45,7 +46,7 @@ _PARAMETERS = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NoiseInflation:
+class NoiseInflation(ToDict):
     """One kind of noise of one sensor: what the bench says, and what the drive needs.
 
     Parameters
@@ -64,6 +65,8 @@ class NoiseInflation:
         By how much the log-likelihood lies below its maximum there, everything else at its best.
     """
 
+    JSON = "sensor kind static_density=static tuned_density=tuned factor"
+
     sensor: str
     kind: str
     static: FloatArray
@@ -79,31 +82,16 @@ class NoiseInflation:
         return self.static * self.factor
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values.
-
-        Returns
-        -------
-        dict
-            SI units.
-        """
-        return {
-            "sensor": self.sensor,
-            "kind": self.kind,
-            "static_density": self.static.tolist(),
-            "tuned_density": self.tuned.tolist(),
-            "factor": self.factor,
+        """Return plain values for JSON, in SI."""
+        pairs = zip(self.profile_factors.tolist(), self.profile_loss.tolist(), strict=True)
+        return ToDict.to_dict(self) | {
             "interval_95": [self.lower, self.upper],
-            "profile": [
-                {"factor": f, "log_likelihood_lost": loss}
-                for f, loss in zip(
-                    self.profile_factors.tolist(), self.profile_loss.tolist(), strict=True
-                )
-            ],
+            "profile": [{"factor": f, "log_likelihood_lost": loss} for f, loss in pairs],
         }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NoiseTuning:
+class NoiseTuning(ToDict):
     """What a drive says of a noise model.
 
     Parameters
@@ -129,6 +117,12 @@ class NoiseTuning:
         Ready to run.
     """
 
+    JSON = (
+        "inflations time_offset_position_s=offsets.position "
+        "time_offset_velocity_s=offsets.velocity log_likelihood_gain=gain "
+        "nis_over_degrees_static=nis_before nis_over_degrees_tuned=nis_after converged"
+    )
+
     inflations: tuple[NoiseInflation, ...]
     noise_model: NoiseModel
     receiver: dict[str, tuple[float, float, float]]
@@ -140,26 +134,12 @@ class NoiseTuning:
     setup: RunSetup
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values.
-
-        Returns
-        -------
-        dict
-            SI units.
-        """
-        return {
-            "inflations": [i.to_dict() for i in self.inflations],
-            "receiver_sd": {
-                name: {"factor": factor, "interval_95": [lower, upper]}
-                for name, (factor, lower, upper) in self.receiver.items()
-            },
-            "time_offset_position_s": self.offsets.position,
-            "time_offset_velocity_s": self.offsets.velocity,
-            "log_likelihood_gain": self.gain,
-            "nis_over_degrees_static": self.nis_before,
-            "nis_over_degrees_tuned": self.nis_after,
-            "converged": self.converged,
+        """Return plain values for JSON, in SI."""
+        receiver = {
+            name: {"factor": factor, "interval_95": [lower, upper]}
+            for name, (factor, lower, upper) in self.receiver.items()
         }
+        return ToDict.to_dict(self) | {"receiver_sd": receiver}
 
 
 def tune_noise(

@@ -42,19 +42,30 @@
     } };
   };
   const data = new Map();
+  let printing = false;
+  // Paper is laid out after the plots are drawn, so their widths are told: A4 less its margins.
+  const PAPER = 698, GAP = 13;
+  const paperWidth = (element) => {
+    const columns = Number(/columns-(\d)/.exec(element.closest(".grid").className)[1]);
+    return Math.floor((PAPER - (columns - 1) * GAP) / columns);
+  };
   // A plot follows its column, also when a scroll bar appears or a page is turned.
   const sizes = "ResizeObserver" in window
-    ? new ResizeObserver((entries) => { for (const e of entries) if (e.contentRect.width) Plotly.Plots.resize(e.target); })
+    ? new ResizeObserver((entries) => {
+        if (!printing) for (const e of entries) if (e.contentRect.width) Plotly.Plots.resize(e.target);
+      })
     : null;
   const draw = (element) => {
     const k = element.dataset.figure;
     if (!data.has(k)) data.set(k, JSON.parse(document.getElementById("figure-" + k).textContent));
     const figure = data.get(k), styles = palette();
-    const layout = { ...dress(figure.layout, styles), template: template(styles), autosize: true, height: figure.height };
+    const size = printing ? { autosize: false, width: paperWidth(element) } : { autosize: true };
+    const layout = { ...dress(figure.layout, styles), template: template(styles), height: figure.height, ...size };
     if (!element.dataset.drawn && sizes) sizes.observe(element);
     element.dataset.drawn = "yes";
     return Plotly.react(element, dress(figure.traces, styles), layout, {
-      displayModeBar: false, responsive: true, showTips: false,
+      displayModeBar: printing ? false : "hover", modeBarButtons: [["toImage"]], displaylogo: false,
+      toImageButtonOptions: { format: "svg" }, responsive: !printing, showTips: false,
     });
   };
   const redraw = () => { dressKeys(); plots.filter((p) => p.dataset.drawn).forEach(draw); };
@@ -68,6 +79,15 @@
     plots.forEach((p) => watcher.observe(p));
   } else drawAll();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-  addEventListener("beforeprint", drawAll);
-  addEventListener("afterprint", redraw);
+  const folded = [...document.querySelectorAll("details:not([open])")];
+  addEventListener("beforeprint", () => {
+    printing = true;
+    folded.forEach((d) => { d.dataset.folded = d.open ? "" : "yes"; d.open = true; });
+    drawAll();
+  });
+  addEventListener("afterprint", () => {
+    printing = false;
+    folded.forEach((d) => { d.open = d.dataset.folded !== "yes"; });
+    redraw();
+  });
 })();

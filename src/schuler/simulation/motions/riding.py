@@ -61,6 +61,37 @@ def motorcycle(
 
     Curves to either side in which the motorcycle leans by 20 to 40 degrees, so that the force
     stays on its down axis, and turns at 0.5 to 1 rad/s; 38 to 80 km/h; at rest before and after.
+
+    Parameters
+    ----------
+    duration : float
+        Seconds, standstill included.
+    rng : numpy.random.Generator or int
+        Source of randomness, or its seed.
+    standstill : float
+        At the beginning, s.
+    origin : (3,) array_like
+        Latitude rad, longitude rad, height m.
+
+    Returns
+    -------
+    Profile
+        True motion.
+
+    Raises
+    ------
+    InputError
+        Too short for the standstill.
+
+    Notes
+    -----
+    The ride of S002 section V and S000 Figs. 1 to 3.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> round(schuler.motorcycle(120.0).duration, 6)
+    120.0
     """
     plan_rng, road_rng, heading_rng = np.random.default_rng(rng).spawn(3)
     return drive(

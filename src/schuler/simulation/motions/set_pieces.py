@@ -79,7 +79,46 @@ def car_with_set_pieces(
     origin: ArrayLike = (np.pi / 4, 0.13, 250.0),
     after: str = "town",
 ) -> tuple[Profile, tuple[tuple[float, float], ...]]:
-    """Return a drive like `car_urban` or `car_mixed` that holds the given pieces."""
+    """Return a drive that holds stretches of given length, speed and turn.
+
+    Parameters
+    ----------
+    duration : float
+        Of the whole drive, s.
+    pieces : sequence of SetPiece
+        In order.
+    rng : numpy.random.Generator or int
+        Source of randomness, or its seed.
+    standstill : float
+        At the beginning, s.
+    origin : (3,) array_like
+        Latitude rad, longitude rad, height m.
+    after : {"town", "country", "motorway"}
+        What is driven after the last piece.
+
+    Returns
+    -------
+    profile : Profile
+        True motion.
+    windows : tuple of (start, seconds)
+        Where the pieces lie, s after the start.
+
+    Raises
+    ------
+    InputError
+        A drive too short for its pieces.
+
+    Notes
+    -----
+    The drives of S004 Figs. 20 and 23 with the outages of Tables 9 and 10.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> drive, windows = schuler.car_with_set_pieces(400.0, [schuler.SetPiece(30.0, 10.0)])
+    >>> windows[0][1]
+    30.0
+    """
     plan_rng, road_rng, heading_rng = np.random.default_rng(rng).spawn(3)
     built = [piece.manoeuvres() for piece in pieces]
     stages: list[tuple[float, Sequence[Block]]] = []

@@ -27,7 +27,32 @@ def ski(
     *,
     origin: ArrayLike = (0.8, 0.13, 2500.0),
 ) -> Profile:
-    """Return a slalom on skis after a wait at the start."""
+    """Return a slalom on skis after a wait at the start.
+
+    Parameters
+    ----------
+    standstill, run : float
+        Seconds at rest, and of the run.
+    rng : numpy.random.Generator or int
+        Source of randomness, or its seed.
+    origin : (3,) array_like
+        Latitude rad, longitude rad, height m.
+
+    Returns
+    -------
+    Profile
+        True motion.
+
+    Notes
+    -----
+    The run of S002 Table 1.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> schuler.ski(60.0, 30.0).duration >= 90.0
+    True
+    """
     if not (run >= 20.0 and standstill >= 0.0):
         raise InputError(
             f"a run of {run:g} s after {standstill:g} s", expected="20 s or more, after 0 or more"

@@ -12,7 +12,6 @@ from schuler.evaluation.mechanizations import (
     COMPONENTS,
     MechanizationComparison,
     MechanizationResult,
-    states_of,
 )
 from schuler.report.blocks import (
     Figure,
@@ -72,7 +71,7 @@ def comparison_rows(
     for r in comparison.results:
         cells = [
             r.label,
-            str(states_of(r.navigation)),
+            str(r.navigation.states),
             number(r.solution.innovations.gnss.mean_nis),
             number(float(np.hypot(r.claimed[0], r.claimed[1]))),
             number(float(np.degrees(r.claimed[8]))),
@@ -88,7 +87,7 @@ def comparison_rows(
             claimed = float(np.mean([w.claimed_sd_m for w in r.outages.windows]))
             share = float(np.mean([w.within_2_sigma for w in r.outages.windows]))
             cells += [number(r.outages.mean_of_max_m), number(claimed), f"{100.0 * share:.0f} %"]
-        cells.append(number(1e6 * r.cpu_seconds / r.solution.trajectory.size))
+        cells.append(number(1e6 * r.navigation.cpu_seconds / r.solution.trajectory.size))
         rows.append(tuple(cells))
     return tuple(columns), rows
 

@@ -17,10 +17,10 @@ GROUPS = (("position", 0, "@x"), ("velocity", 3, "@y"), ("attitude", 6, "@z"))
 @register
 def observability_sections(result: RunObservability) -> tuple[Section, ...]:
     """Show what a run tells of the state of its filter."""
-    matrix, size = result.matrix, len(result.matrix.names)
+    matrix = result.matrix
     facts = Facts(
         (
-            ("States", str(size)),
+            ("States", str(len(matrix.names))),
             ("Seen", str(matrix.rank)),
             ("Seen well", str(matrix.practical_rank)),
             ("Learnt beyond the prior", str(result.information.learnt)),
@@ -30,8 +30,23 @@ def observability_sections(result: RunObservability) -> tuple[Section, ...]:
     findings = Findings(
         tuple(Finding("warning" if "not seen" in s else "info", s) for s in sentences[1:])
     )
-    relative = np.maximum(matrix.relative, 1e-18)
-    count = np.arange(1.0, size + 1.0)
+    rows = tuple(
+        (name, f"{100.0 * (1.0 - unseen):.0f} %", f"{number(100.0 * final)} %")
+        for name, unseen, final in observed_states(result)
+    )
+    table = Table(
+        "Every state",
+        ("state", "seen", "standard deviation at the end, of the start"),
+        rows,
+        folded=True,
+    )
+    title = f"Observability: {result.title}"
+    return (Section(title, (facts, findings, _figures(result), table), (sentences[0],)),)
+
+
+def _figures(result: RunObservability) -> FigureGrid:
+    relative = np.maximum(result.matrix.relative, 1e-18)
+    count = np.arange(1.0, relative.size + 1.0)
     singular = plot(
         "Singular values",
         "Of the total observability matrix, as shares of the largest.",
@@ -46,7 +61,7 @@ def observability_sections(result: RunObservability) -> tuple[Section, ...]:
         "Above one the measurements of the run outweigh what was known before.",
         (
             marks(count, information, "@smoothed", "information", size=5),
-            line([1.0, float(size)], [1.0, 1.0], "@model", "prior", dash="dash"),
+            line([1.0, float(relative.size)], [1.0, 1.0], "@model", "prior", dash="dash"),
         ),
         axis("direction"),
         axis("times the prior", log=True),
@@ -73,16 +88,4 @@ def observability_sections(result: RunObservability) -> tuple[Section, ...]:
         axis("share of the start", log=True),
         height=280,
     )
-    rows = tuple(
-        (name, f"{100.0 * (1.0 - unseen):.0f} %", f"{number(100.0 * final)} %")
-        for name, unseen, final in observed_states(result)
-    )
-    table = Table(
-        "Every state",
-        ("state", "seen", "standard deviation at the end, of the start"),
-        rows,
-        folded=True,
-    )
-    title = f"Observability: {result.title}"
-    grid = FigureGrid((singular, learnt, decay), tuple(legend), columns=3)
-    return (Section(title, (facts, findings, grid, table), (sentences[0],)),)
+    return FigureGrid((singular, learnt, decay), tuple(legend), columns=3)

@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError
 from schuler.estimation.identification import Identification
 
 
 @dataclass(frozen=True, slots=True)
-class Agreement:
+class Agreement(ToDict):
     """One parameter over several runs.
 
     Parameters
@@ -31,6 +32,8 @@ class Agreement:
     between : float
         Relative standard deviation from run to run beyond the errors (DerSimonian-Laird).
     """
+
+    JSON = "* shared"
 
     parameter: str
     value: float

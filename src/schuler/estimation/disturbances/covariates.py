@@ -1,0 +1,218 @@
+"""What of a signal follows a column beside it, such as temperature, estimated with its noise.
+
+Means of some 240 blocks are regressed on terms of the columns by generalised least squares under
+white noise, flicker and random walk whose sizes are found by likelihood in the same fit. A term
+is taken only when the likelihood and its own error both call for it; nothing is made up where a
+column does not matter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.errors import InputError
+from schuler.estimation.optimizer import Rules, Slopes, minimise
+from schuler.noise.effects import Effect, term_of
+from schuler.types import FloatArray
+
+_BLOCKS = 240
+_FEWEST_BLOCKS = 40
+_CHANCE = 1e-3
+_LEAST_Z = 3.3
+_MOST_TERMS = 3
+_SMALLEST = 1e-12
+_RULES = Rules(damping=1e-3, longest=2.0, ridge=1e-9, gain=(1e-4, 1e-3), iterations=30)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regression:
+    """A signal less what follows its columns.
+
+    Parameters
+    ----------
+    signal : (n,) ndarray
+        What is left.
+    effects : tuple of Effect
+        What was taken, in u per unit of the column.
+    flags : tuple of str
+        Columns that could not be used, and why.
+    """
+
+    signal: FloatArray
+    effects: tuple[Effect, ...]
+    flags: tuple[str, ...]
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """Return plain Python for JSON, SI."""
+        return [e.to_dict() for e in self.effects]
+
+
+def without_covariates(
+    signal: FloatArray, rate: float, columns: Mapping[str, ArrayLike]
+) -> Regression:
+    """Find which columns the signal follows, and take that out."""
+    usable, flags = _usable(signal, columns)
+    block = signal.size // _BLOCKS
+    if not usable or block < 1 or signal.size // max(block, 1) < _FEWEST_BLOCKS:
+        return Regression(signal, (), tuple(flags))
+    smooth = {name: _smoothed(values, block) for name, values in usable.items()}
+    reference = {name: float(values.mean()) for name, values in smooth.items()}
+    terms = {
+        (name, power): term_of(power, smooth[name] - reference[name], rate)
+        for name in smooth
+        for power in ("linear", "square", "rate")
+    }
+    means = _means(signal, block)
+    means = means - means.mean()
+    design = {key: _means(x, block) for key, x in terms.items()}
+    scale = float(np.std(means)) or 1.0
+    chosen, fit = _chosen(means / scale, design)
+    left = signal
+    effects = []
+    for (name, power), value, error in zip(chosen, fit.size, fit.errors, strict=True):
+        unit = float(np.std(design[name, power])) or 1.0
+        effect = Effect(name, power, value * scale / unit, error * scale / unit, reference[name])
+        effects.append(effect)
+        left = left - effect.coefficient * terms[name, power]
+    return Regression(left, tuple(effects), tuple(flags))
+
+
+def _usable(
+    signal: FloatArray, columns: Mapping[str, ArrayLike]
+) -> tuple[dict[str, FloatArray], list[str]]:
+    usable, flags = {}, []
+    for name, column in columns.items():
+        values = np.asarray(column, dtype=np.float64)
+        if values.shape != signal.shape:
+            raise InputError(
+                f"column '{name}' has the shape {values.shape}", expected=f"{signal.shape}"
+            )
+        holes = ~np.isfinite(values)
+        if holes.mean() > 0.5:
+            flags.append(f"{name}: more than half of the column is missing, it was not used")
+            continue
+        if holes.any():
+            at = np.arange(values.size)
+            values = np.interp(at, at[~holes], values[~holes])
+            flags.append(
+                f"{name}: {int(holes.sum())} missing values of the column were interpolated"
+            )
+        if float(np.ptp(values)) <= 1e-9 * max(float(np.abs(values).max()), 1.0):
+            flags.append(f"{name}: the column is constant and says nothing")
+            continue
+        usable[name] = values
+    return usable, flags
+
+
+def _smoothed(values: FloatArray, width: int) -> FloatArray:
+    """Mean over a block about every sample, mirrored at the ends: the column has its own noise."""
+    if width < 2:
+        return values
+    half = width // 2
+    padded = np.pad(values, (half + 1, half), mode="reflect", reflect_type="odd")
+    running = np.cumsum(padded)
+    return np.asarray((running[2 * half + 1 :] - running[: -2 * half - 1]) / (2 * half + 1))
+
+
+def _means(values: FloatArray, block: int) -> FloatArray:
+    whole = values.size // block * block
+    return np.asarray(values[:whole].reshape(-1, block).mean(axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Sizes of noises and terms, in the scaled unit."""
+
+    logs: FloatArray
+    likelihood: float
+    size: FloatArray
+    errors: FloatArray
+
+
+def _chosen(
+    means: FloatArray, design: Mapping[tuple[str, str], FloatArray]
+) -> tuple[list[tuple[str, str]], _Fit]:
+    """Take the term that helps most, as long as likelihood and error both call for it."""
+    from scipy.stats import chi2
+
+    kernels = _kernels(means.size)
+    units = {k: (x - x.mean()) / (float(np.std(x)) or 1.0) for k, x in design.items()}
+    chosen: list[tuple[str, str]] = []
+    start = np.log(np.array([0.3, 0.3, 0.1]))
+    best = _fitted(means, [], kernels, start)
+    limit = float(chi2.isf(_CHANCE / max(len(units), 1), 1))
+    while len(chosen) < min(_MOST_TERMS, len(units)):
+        tries = []
+        for key in units:
+            # a square or a rate alone is not how a sensor follows a temperature
+            if key in chosen or (key[1] == "square" and (key[0], "linear") not in chosen):
+                continue
+            columns = [units[c] for c in (*chosen, key)]
+            tries.append((_fitted(means, columns, kernels, best.logs), key))
+        if not tries:
+            break
+        richer, key = max(tries, key=lambda t: t[0].likelihood)
+        # the base once more from where the richer ended: it must not lose by a bad start
+        base = _fitted(means, [units[c] for c in chosen], kernels, richer.logs)
+        base = max(base, best, key=lambda f: f.likelihood)
+        z = abs(float(richer.size[-1])) / max(float(richer.errors[-1]), 1e-300)
+        if 2.0 * (richer.likelihood - base.likelihood) < limit or z < _LEAST_Z:
+            break
+        chosen.append(key)
+        best = richer
+    return chosen, best
+
+
+def _kernels(count: int) -> list[FloatArray]:
+    """Unit covariances of block means: white noise, flicker, random walk."""
+    from scipy.linalg import toeplitz
+
+    lag = np.arange(count, dtype=np.float64)
+    times = np.geomspace(1.0, 10.0 * count, round(2 * math.log10(10.0 * count)) + 1)
+    flicker = np.exp(-lag[:, None] / times).sum(axis=1)
+    walk = np.minimum(lag[:, None], lag[None, :]) + 1.0
+    flicker_matrix = toeplitz(flicker) / flicker[0]
+    return [np.eye(count), flicker_matrix, walk / count]
+
+
+def _fitted(
+    means: FloatArray, columns: list[FloatArray], kernels: list[FloatArray], start: FloatArray
+) -> _Fit:
+    """Maximum likelihood of the sizes of the noises by Fisher scoring, terms by least squares."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    x = np.column_stack([np.ones(means.size), *columns])
+
+    def slopes(logs: FloatArray) -> Slopes[tuple[FloatArray, FloatArray]]:
+        sizes = np.exp(logs)
+        covariance = np.tensordot(sizes, np.array(kernels), axes=1)
+        covariance[np.diag_indices_from(covariance)] += _SMALLEST
+        factor = cho_factor(covariance, lower=True)
+        inverse = cho_solve(factor, np.eye(means.size))
+        information = x.T @ inverse @ x
+        beta = np.linalg.solve(information, x.T @ (inverse @ means))
+        residual = inverse @ (means - x @ beta)
+        value = 2.0 * float(np.log(np.diag(factor[0])).sum())
+        value += float(residual @ (means - x @ beta))
+        own = [inverse @ k for k in kernels]
+        pull = [
+            0.5 * s * (float(residual @ k @ residual) - float(np.trace(o)))
+            for s, k, o in zip(sizes, kernels, own, strict=True)
+        ]
+        curvature = [
+            [0.5 * sizes[i] * sizes[j] * float(np.sum(own[i] * own[j].T)) for j in range(3)]
+            for i in range(3)
+        ]
+        state = (np.asarray(beta), np.asarray(np.linalg.inv(information)))
+        return Slopes(value, np.array(pull), np.array(curvature), state)
+
+    found = minimise(slopes, start, (np.full(3, -25.0), np.full(3, 8.0)), _RULES)
+    beta, covariance = found.slopes.state
+    errors = np.sqrt(np.diag(covariance))
+    return _Fit(found.at, -0.5 * found.value, beta[1:], errors[1:])

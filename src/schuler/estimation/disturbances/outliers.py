@@ -1,0 +1,54 @@
+"""Whether outliers decide what a plain estimate says of a signal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler.curves.robust import biweight_tuning, median_scale, robust_variance
+from schuler.types import FloatArray
+
+_FAR = 6.0
+_FEWEST_FAR = 10
+_LEAST, _CHANCE = 0.005, 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Contamination:
+    """How far the differences of a signal are from those of its bulk.
+
+    Parameters
+    ----------
+    ratio : float
+        Variance of the differences over its robust value.
+    share : float
+        Share of the differences beyond six robust standard deviations.
+    serious : bool
+        More than chance, and carried by outliers.
+    """
+
+    ratio: float
+    share: float
+    serious: bool
+
+    @property
+    def words(self) -> str:
+        """The same for people."""
+        return (
+            f"{100.0 * self.share:.2g} % of the steps between samples are outliers and raise "
+            f"their variance {self.ratio:.3g} times"
+        )
+
+
+def contamination(values: FloatArray) -> Contamination:
+    """Compare the variance of the differences with what it is without outliers."""
+    step = np.diff(np.asarray(values, dtype=np.float64))
+    scale = median_scale(step)
+    if step.size < 2 or scale == 0.0:
+        return Contamination(1.0, 0.0, False)
+    far = int(np.count_nonzero(np.abs(step) > _FAR * scale))
+    ratio = float(step @ step) / step.size / robust_variance(step, biweight_tuning(0.5))[0]
+    limit = 1.0 + max(_LEAST, _CHANCE / math.sqrt(step.size))
+    return Contamination(ratio, far / step.size, ratio > limit and far >= _FEWEST_FAR)

@@ -1,0 +1,334 @@
+"""Papers as data: what is printed, with units and bands, is read from YAML; numbers come from runs.
+
+Each paper has a file ``paper.yaml`` beside its modules: experiments, their items, and for each
+item the rows and tables that are printed. A judge, ``(results, size) -> Found``, says what came out
+under the names that rows and tables ask for. Nothing else decides a verdict.
+"""
+
+from __future__ import annotations
+
+import ast
+import itertools
+import json
+import math
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from importlib import import_module
+from importlib.resources import files
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+
+from schuler import ModelError
+from schuler_papers.experiment import (
+    Experiment,
+    FloatArray,
+    Item,
+    Repetitions,
+    Results,
+    Size,
+    stacked,
+)
+from schuler_papers.outcome import Band, Estimate, Outcome, Panel, Proof, Row, Sheet
+
+Value = FloatArray | Estimate | float | str
+_ROW_KEYS = {
+    "is", "at", "of", "printed", "derived", "unit", "band", "within", "around", "near", "from",
+    "note", "errors", "because", "slip", "proof", "against", "kind", "error", "for", "each",
+    "quick", "full", "only", "forecast", "points", "pooled",
+}  # fmt: skip
+_TABLE_KEYS = _ROW_KEYS | {"title", "corner", "lines", "columns"}
+_OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a judge found, by the names that the rows of the paper ask for.
+
+    Parameters
+    ----------
+    values : mapping of str to array, Estimate, float or str
+        Arrays have one entry for each repetition first; their mean and its error are taken.
+    bands : mapping of str to Band or array
+        Computed bands: (2, ...) arrays of low and high ends.
+    proofs : mapping of str to Proof
+        That were run.
+    printed : mapping of str to array, float or str
+        Printed values that other tables of the paper give.
+    errors : mapping of str to array or float
+        Standard deviations of the printed value: the scatter of one draw.
+    panels : tuple of Panel
+        What is drawn again.
+    notes : tuple of str
+        Sentences with numbers in them.
+    shared : mapping of str to array
+        Standard errors that replace those of single cells.
+    """
+
+    values: Mapping[str, Value]
+    bands: Mapping[str, Band | FloatArray] = field(default_factory=dict)
+    proofs: Mapping[str, Proof] = field(default_factory=dict)
+    printed: Mapping[str, Any] = field(default_factory=dict)
+    errors: Mapping[str, Any] = field(default_factory=dict)
+    panels: tuple[Panel, ...] = ()
+    notes: tuple[str, ...] = ()
+    shared: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+def plain(results: Results, size: Size) -> Found:
+    """Judge by what the runs returned, as it is."""
+    return Found({name: stacked(results, name) for name in results[0]})
+
+
+@cache
+def forecasts(package: str) -> dict[str, Any]:
+    """Return what many seeds gave, by item, table and size; frozen by `benchmarks.forecast`."""
+    place = files(package).joinpath("forecasts.json")
+    found: dict[str, Any] = json.loads(place.read_text()) if place.is_file() else {}
+    return found
+
+
+def load_experiments(package: str) -> tuple[Experiment, ...]:
+    """Read the experiments of a paper from the YAML file in its package."""
+    paper = package.rpartition(".")[2]
+    text = files(package).joinpath("paper.yaml").read_text(encoding="utf-8")
+    return tuple(_experiment(package, paper, entry) for entry in yaml.safe_load(text))
+
+
+def _experiment(package: str, paper: str, entry: dict[str, Any]) -> Experiment:
+    return Experiment(
+        paper,
+        entry["name"],
+        entry["title"],
+        _function(package, entry["run"]),
+        tuple(_item(package, item) for item in entry["items"]),
+        Repetitions(*entry.get("times", (1, 1))),
+        tuple(entry.get("recordings", ())),
+    )
+
+
+def _item(package: str, entry: dict[str, Any]) -> Item:
+    for kind, known in (("rows", _ROW_KEYS), ("tables", _TABLE_KEYS)):
+        for spec in entry.get(kind, ()):
+            unknown = set(spec) - known
+            if unknown:
+                raise ModelError(f"{entry['label']}: {', '.join(sorted(unknown))} in {spec}")
+    judge = partial(_judge, judge_of(package, entry), entry, forecasts(package))
+    return Item(
+        entry["label"], entry["title"], entry["claim"], judge, tuple(entry.get("slips", ()))
+    )
+
+
+def judge_of(package: str, entry: dict[str, Any]) -> Callable[[Results, Size], Found]:
+    """Return the function that says what an item came to."""
+    return _function(package, entry["judge"]) if "judge" in entry else plain
+
+
+def _function(package: str, name: str) -> Callable[..., Any]:
+    module, _, function = name.rpartition(".")
+    found: Callable[..., Any] = getattr(import_module(f"{package}.{module}"), function)
+    return found
+
+
+def _judge(
+    find: Callable[[Results, Size], Found],
+    entry: dict[str, Any],
+    frozen: Mapping[str, Any],
+    results: Results,
+    size: Size,
+) -> Outcome:
+    found = find(results, size)
+    rows = [row for spec in entry.get("rows", ()) for row in _rows(spec, found, size)]
+    sheets = tuple(
+        _sheet(spec, found, size, frozen.get(f"{entry['label']}/{spec['title']}/{size}"))
+        for spec in entry.get("tables", ())
+    )
+    cells = [row for sheet in sheets for line in sheet.cells for row in line if row is not None]
+    notes = (*entry.get("notes", ()), *found.notes)
+    return Outcome((*rows, *cells), found.panels, notes, sheets)
+
+
+def _rows(spec: dict[str, Any], found: Found, size: Size) -> Iterator[Row]:
+    """Rows of one entry: one, or one for each combination of what stands under `for`."""
+    if spec.get("only", size) != size:
+        return
+    spec = {**spec, **spec.get(size, {})}
+    loops: dict[str, list[Any]] = spec.get("for", {})
+    each: dict[str, list[Any]] = spec.get("each", {})
+    ranges = [range(len(values)) for values in loops.values()]
+    for k, places in enumerate(itertools.product(*ranges)):
+        names = {n: v[i] for (n, v), i in zip(loops.items(), places, strict=True)}
+        own = {key: values[k] for key, values in each.items()}
+        yield _row({**spec, **own}, names, places, found)
+
+
+def _row(
+    spec: Mapping[str, Any], names: Mapping[str, Any], places: tuple[int, ...], found: Found
+) -> Row:
+    key = str(spec["is"]).format(**names)
+    ours, index = _value(found.values[key], spec.get("at", places))
+    if key in found.shared and isinstance(ours, Estimate):
+        ours = Estimate(ours.value, float(found.shared[key][index]))
+    printed, derived = _printed(spec, key, index, found)
+    role: Literal["", "arithmetic", "setting"] = spec.get("kind", "")
+    error = spec.get("error", _part(found.errors.get(key), index))
+    proof = spec.get("proof")
+    return Row(
+        spec["of"].format(**names),
+        ours,
+        printed,
+        spec.get("unit", ""),
+        _band(spec, key, index, printed, found),
+        math.nan if error is None else float(error),
+        role,
+        derived,
+        bool(spec.get("against", False)),
+        None if proof is None else found.proofs[str(proof).format(**names)],
+        spec.get("because", ""),
+        spec.get("slip", ""),
+    )
+
+
+def _value(value: Value, at: Any) -> tuple[Estimate | float | str, tuple[int, ...]]:
+    index = (at,) if isinstance(at, int) else tuple(at)
+    if isinstance(value, str | Estimate):
+        return value, index
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 0:
+        return float(array), index
+    picked = array[(slice(None), *index[: array.ndim - 1])]
+    if picked.ndim != 1:
+        raise ModelError(f"a value of shape {array.shape} at {index}", expected="one a repetition")
+    error = picked.std(ddof=1) / math.sqrt(picked.size) if picked.size > 1 else math.nan
+    return Estimate(float(picked.mean()), float(error)), index
+
+
+def _part(values: Any, index: tuple[int, ...]) -> Any:
+    """One entry of what may be given for all or for each."""
+    if isinstance(values, np.ndarray):
+        return values[index[: values.ndim]]
+    return values
+
+
+def _printed(
+    spec: Mapping[str, Any], key: str, index: tuple[int, ...], found: Found
+) -> tuple[float | str | None, bool]:
+    if "derived" in spec:
+        return arithmetic(str(spec["derived"])), True
+    printed = spec.get("printed", _part(found.printed.get(key), index))
+    if printed is None or isinstance(printed, str):
+        return printed, False
+    return float(printed), False
+
+
+def _band(
+    spec: Mapping[str, Any],
+    key: str,
+    index: tuple[int, ...],
+    printed: float | str | None,
+    found: Found,
+) -> Band | None:
+    extra = (spec.get("from", "spec"), spec.get("note", ""), float(spec.get("errors", 0.0)))
+    number = float(printed) if isinstance(printed, float) else math.nan
+    if "band" in spec:
+        low, high = (float(end) for end in spec["band"])
+    elif "near" in spec:
+        middle, slack = (float(v) for v in spec["near"])
+        low, high = middle - slack, middle + slack
+    elif "around" in spec:
+        low, high = number - spec["around"], number + spec["around"]
+    elif "within" in spec:
+        slack = spec["within"] * abs(number)
+        low, high = number - slack, number + slack
+    elif (computed := found.bands.get(key)) is not None:
+        if isinstance(computed, Band):
+            return computed
+        low, high = (float(end[index[: end.ndim]]) for end in computed)
+        if math.isnan(low):
+            return None
+    else:
+        return None
+    return Band(low, high, *extra)
+
+
+def _sheet(
+    spec: dict[str, Any], found: Found, size: Size, forecast: dict[str, Any] | None
+) -> Sheet:
+    """A table of the paper, cell by cell."""
+    spec = {"of": "{line}, {column}", **spec, **spec.get(size, {})}
+    lines, columns = [str(x) for x in spec["lines"]], [str(x) for x in spec["columns"]]
+    printed: list[list[Any]] = spec.get("printed") or found.printed[spec["is"]]
+    if forecast is not None:
+        found = _pooled(spec["is"], found, absolute="points" in spec)
+    cells: list[tuple[Row | None, ...]] = []
+    for i, line in enumerate(lines):
+        row: list[Row | None] = []
+        for j, column in enumerate(columns):
+            own = {**spec, **_for_cell(spec, i, j), "printed": printed[i][j]}
+            if forecast is not None:
+                own |= _foreseen(own, forecast["mean"][i][j], forecast["note"])
+            names = {"line": line, "column": column}
+            row.append(None if printed[i][j] is None else _row(own, names, (i, j), found))
+        cells.append(tuple(row))
+    return Sheet(spec["title"], spec.get("corner", ""), tuple(columns), tuple(lines), tuple(cells))
+
+
+def _foreseen(spec: Mapping[str, Any], mean: float, note: str) -> dict[str, Any]:
+    """The band around a frozen forecast: relative, or in points of the unit."""
+    if "points" in spec:
+        slack = float(spec["points"])
+    elif spec.get("forecast") is not None:
+        slack = float(spec["forecast"]) * abs(mean)
+    else:
+        return {}
+    return {"band": [mean - slack, mean + slack], "from": "frozen", "note": f"{mean:.4g}, {note}"}
+
+
+def _pooled(key: str, found: Found, *, absolute: bool) -> Found:
+    """Let the cells of a table share their scatter: three seeds do not tell that of one cell."""
+    array = np.asarray(found.values[key], dtype=np.float64)
+    if array.shape[0] < 2:
+        return found
+    mean = array.mean(axis=0)
+    scale = np.ones_like(mean) if absolute else np.abs(mean)
+    error = array.std(axis=0, ddof=1) / math.sqrt(array.shape[0])
+    shared = np.sqrt(np.nanmean((error / scale) ** 2, axis=0)) * scale
+    return replace(found, shared={**found.shared, key: np.maximum(error, shared)})
+
+
+def _for_cell(spec: Mapping[str, Any], i: int, j: int) -> dict[str, Any]:
+    """Settings that are given by line, by column, or for every cell."""
+    own: dict[str, Any] = {}
+    for key, values in spec.get("each", {}).items():
+        if isinstance(values, dict):
+            way, listed = next(iter(values.items()))
+            value = listed[i] if way == "line" else listed[j]
+        else:
+            value = values[i][j]
+        if value is not None:
+            own[key] = value
+    return own
+
+
+def arithmetic(text: str) -> float:
+    """Compute a number from printed ones: + - * / and powers of numbers alone."""
+
+    def value(node: ast.expr) -> float:
+        if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+            return float(node.value)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            return -value(node.operand)
+        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
+            return _OPERATIONS[type(node.op)](value(node.left), value(node.right))
+        raise ModelError(f"'{text}' is no arithmetic of numbers")
+
+    return value(ast.parse(text, mode="eval").body)
