@@ -13,10 +13,18 @@ from schuler.data import CHANNELS
 from schuler.earth import metres_per_radian
 from schuler.errors import ModelError
 from schuler.kernels.navigation.covariance import sensor_covariance
+from schuler.kernels.navigation.filter_data import (
+    AidingOutputs,
+    NodeOutputs,
+    SampleOutputs,
+    Samples,
+)
 from schuler.kernels.navigation.general_aiding import general_model
 from schuler.kernels.navigation.transition import move_sensor_states, raise_blocks, set_blocks
 from schuler.kernels.navigation.update import add_offset_states
+from schuler.navigation.aiding.schedule import linear_measurements
 from schuler.navigation.error_models.sensor_error_model import SensorErrorModel, sensor_error_model
+from schuler.navigation.stepping import NO_SCALE, FilterStepper, InitialState, kernel_schedule
 from schuler.noise import ARMA, Autoregressive, GaussMarkov, WhiteNoise
 from schuler.noise.base import Process
 from schuler.noise.noise_model import NoiseModel
@@ -165,17 +173,25 @@ def test_what_is_a_sum_of_gauss_markov_noises_serves_at_any_interval() -> None:
 
 def test_linear_and_offset_states_have_the_derivatives_of_their_residuals() -> None:
     rng = np.random.default_rng(4)
-    matrix, truth, estimate = rng.standard_normal((3, 7)), *rng.standard_normal((2, 7))
-    residual, design = np.empty(3), np.empty((3, 16))
-    rows, place = np.hstack([np.zeros((3, 12)), matrix]), np.array([0.8, 0.1, 100.0])
-    z = SimpleNamespace(value=matrix @ truth, lever=place, residual=residual, design=design)
-    state = SimpleNamespace(
-        position=place, velocity=np.zeros(3), rotation=np.eye(3), sensor=estimate
+    model = model_of(GaussMarkov(1e-3, 20.0) + WhiteNoise(1e-3))
+    m = model.size
+    matrix, truth, estimate = rng.standard_normal((3, m)), *rng.standard_normal((2, m))
+    place = np.array([0.8, 0.1, 100.0])
+    start = InitialState(place, np.zeros(3), np.eye(3), estimate, np.eye(9 + m))
+    linear = linear_measurements([0.0], (matrix @ truth)[None], matrix, np.eye(3))
+    stepper = FilterStepper(start, model, gate=np.full(4, np.inf))
+    filter_ = stepper.filter(
+        Samples(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), NO_SCALE),
+        kernel_schedule(linear, m),
+        SampleOutputs.empty(0),
+        AidingOutputs.empty(1, 0, 9 + m),
+        NodeOutputs.empty(4, 0, 9 + m, stepper.width),
     )
-    schedule = SimpleNamespace(matrices=rows[None])
-    python = getattr(general_model, "py_func", general_model)
-    python(SimpleNamespace(state=state, schedule=schedule, measurement=z), 0)
+    z = filter_.measurement
+    z.value[:], z.lever[:] = linear.value[0], place
+    general_model(filter_, 0)
     # predicted minus measured; sensor states are true minus estimated
+    residual, design = z.residual.copy(), z.design.copy()
     np.testing.assert_allclose(residual, design[:, 9:] @ (truth - estimate), atol=1e-12)
     assert not design[:, :9].any()
     # errors that add to what is measured, to the first and third component here
