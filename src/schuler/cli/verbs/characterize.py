@@ -38,7 +38,33 @@ def characterize(
     rest: bool = False,
     reading: ImuReading = ImuReading(),
 ) -> int:
-    """Find the noise model of an IMU from a log of it lying still."""
+    """Find the noise model of an IMU from a log of it lying still.
+
+    Reads the log, screens it, computes the Allan deviation with its confidence, fits white
+    noise, Gauss-Markov, random walk and what else the data support, and says how far the
+    numbers can be trusted.
+
+    Example: `schuler characterize static.csv --noise-out noise.yaml --report noise.html`
+
+    Parameters
+    ----------
+    file : Path
+        Static log: CSV, text, Parquet, NPZ, ROS 1 or ROS 2 bag, or a folder with imu.* in it.
+    repair : bool
+        Repair what the screening finds (knocks, outliers, repeated rows) before fitting.
+    strict : bool
+        Exit with code 1 when the screening finds something to watch that was not repaired.
+    method : tuple of str
+        How to find the noise: allan (the usual one), slope, psd, autocorrelation, gmwm,
+        gmwm-robust, ml, ar, ar-covariance, ar-yule-walker, arma, fos, garch, or all. Given more
+        than once, the methods are compared; noise model and Kalibr file come from the first.
+    model : str
+        Which processes to fit: auto (chosen by the data), classical (W+B+K), or letters such as
+        W+G+K: W white noise, Q quantisation, B bias instability, G Gauss-Markov (up to three),
+        K random walk, R ramp.
+    rest : bool
+        Use only the longest rest of a log in which the sensor was moved.
+    """
     from schuler.cli.methods import chosen_methods, methods_result
     from schuler.estimation.parts import checked_model
 

@@ -29,6 +29,22 @@ def convert(
     """Write a recording, a trajectory or a noise model in another form.
 
     Example: `schuler convert drive.bag imu.csv --as imu`
+
+    Parameters
+    ----------
+    source : Path
+        Recording in any format that is read, trajectory of `schuler navigate --out`, or noise
+        model (.yaml).
+    target : Path
+        File to write.
+    to : str, optional
+        Form to write, out of `schuler formats`; by default the ending of the target says it.
+    kind : {"imu", "gnss"}, optional
+        Which recording, of a file that holds both.
+    topic : str
+        Name of the ROS topic in files for ROS.
+    reading : AnyReading, optional
+        How to read a recording.
     """
     from schuler.cli.console import Screen
     from schuler.cli.outputs import Outputs

@@ -82,6 +82,11 @@ def faults(
     """Look for faulty sensors among the IMUs on one body; exit code 1 when there are any.
 
     Example: `schuler faults board/ --calibration board.yaml --report faults.html`
+
+    Parameters
+    ----------
+    files : tuple of Path
+        One file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
     """
     job = Job(written, inputs=(*files, *options.healthy, options.calibration))
     look = _in_motion if options.healthy else _sample_by_sample

@@ -68,6 +68,17 @@ def fuse(
 
     Weighs every sensor by what redundancy shows of its noise, with the past alone, and says how
     much better the result is.
+
+    Example: `schuler fuse board/ --calibration board.yaml --out fused.parquet`
+
+    Parameters
+    ----------
+    files : tuple of Path
+        One file of several IMUs, several files, or a folder with imu1.*, imu2.*, ...
+    out : Path, optional
+        Write the synthetic IMU here, .parquet; the other verbs read it.
+    noise_out : Path, optional
+        Write its noise model as YAML here.
     """
     from schuler.arrays.detection.fault_settings import FaultSettings
     from schuler.arrays.synthesis.synthetic import synthesize

@@ -65,6 +65,9 @@ def navigate(
 
     Aligns the IMU, finds time offsets, runs an error-state Kalman filter over IMU and GNSS, and
     smooths the result when asked.
+
+    Example: `schuler navigate --imu imu.csv --gnss gnss.csv --noise noise.yaml --smooth`
+
     """
     from schuler.io.trajectory import check_trajectory_name
 

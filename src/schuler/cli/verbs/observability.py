@@ -25,7 +25,15 @@ def observability(
     known: RunOptions = RunOptions(),
     reading: DriveReading = DriveReading(),
 ) -> int:
-    """Tell which parts of the state a run shows, and which it cannot."""
+    """Tell which parts of the state a run shows, and which it cannot.
+
+    Ranks and singular values over the most different stretches of the run, information of all
+    fixes against the prior, and what the filter learnt; in words. For an array the synthetic and
+    the extended filter, without and with parity.
+
+    Example: `schuler observability --imu imu.csv --gnss gnss.csv --report observability.html`
+
+    """
     files = several.files(run.imu)
     job = Job(written, inputs=(*files, run.gnss, run.noise))
     found = _observed(run, several, known, reading)

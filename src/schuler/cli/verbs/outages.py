@@ -38,6 +38,9 @@ def outages(
     """Withhold GNSS in parts of a drive and measure the error against it.
 
     Time offsets, mounting and noise are taken from the data outside the windows only.
+
+    Example: `schuler outages --imu imu.csv --gnss gnss.csv --sweep 30:60 --report outages.html`
+
     """
     from schuler.evaluation.outages import evaluate_outages
 

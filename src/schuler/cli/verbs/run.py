@@ -39,6 +39,15 @@ def run(job: Path | None = None, /, *, example: bool = False) -> int:
 
     All steps are checked before the first begins. A failed check lets the others go on, bad input
     ends the run.
+
+    Example: `schuler run --example > job.yaml`, then `schuler run job.yaml`
+
+    Parameters
+    ----------
+    job : Path, optional
+        Steps as YAML; paths in it are seen from the current folder.
+    example : bool
+        Print such a file.
     """
     from schuler.cli.app import BAD_INPUT, check
     from schuler.cli.app import run as call

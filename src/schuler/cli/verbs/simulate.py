@@ -33,6 +33,13 @@ def simulate(
     """Simulate a drive: IMU, GNSS and truth, in a folder that the other commands read by name.
 
     Example: `schuler simulate drive --duration 600 --outage 300:30`
+
+    Parameters
+    ----------
+    out : Path
+        Folder to write into; it is made if it does not exist.
+    form : str
+        parquet or csv.
     """
     from schuler.report.sections.navigation.simulation import SimulationResults
     from schuler.simulation.scenario import simulate_drive

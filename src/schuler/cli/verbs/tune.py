@@ -27,7 +27,25 @@ def tune(
     known: RunOptions = RunOptions(),
     reading: DriveReading = DriveReading(),
 ) -> int:
-    """Find by how much to inflate the noise of a static log for a filter, from a drive."""
+    """Find by how much to inflate the noise of a static log for a filter, from a drive.
+
+    Maximum likelihood of the innovations of GNSS, all of it and thinned to one fix in 2, 5 and
+    10 s, over one factor each on white noise and bias walk of accelerometers and gyros, with 95 %
+    intervals, and what the common factors 1, 3, 10, 30 and 100 would cost.
+
+    Example: `schuler tune --imu imu.csv --gnss gnss.csv --noise noise.yaml --noise-out tuned.yaml`
+
+    Parameters
+    ----------
+    imu : Path
+        IMU recording: CSV, text, Parquet, NPZ, ROS bag, or a folder with imu.* in it.
+    gnss : Path
+        GNSS recording: the same formats, or RTKLIB .pos.
+    noise : Path
+        Noise model as YAML, from `schuler characterize --noise-out`.
+    noise_out : Path, optional
+        Write the inflated model as YAML here, for `schuler navigate --noise`.
+    """
     from schuler.navigation.tuning.inflation import tune_noise
     from schuler.noise import NoiseModel
 
