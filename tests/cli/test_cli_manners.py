@@ -57,6 +57,7 @@ def test_verbose_tells_every_step_and_both_together_are_refused(
 def test_long_work_is_told_in_plain_lines_where_there_is_no_terminal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(shown, "_manner", ["usual"])
     monkeypatch.setattr(shown, "FIRST", 0.05)
     monkeypatch.setattr(shown, "EVERY", 0.05)
     stream = io.StringIO()

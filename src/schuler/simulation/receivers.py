@@ -121,6 +121,7 @@ def simulate_receiver(
     >>> schuler.simulate_receiver(ride, grade, rng=np.random.default_rng(0)).time.size > 100
     True
     """
+    slow = any(grade.correlated_sd)
     recording = simulate_gnss(
         profile,
         rate,
@@ -129,8 +130,8 @@ def simulate_receiver(
         rng=rng,
         lever_arm=lever_arm,
         start=start,
-        correlated_sd=grade.correlated_sd if any(grade.correlated_sd) else None,
-        correlation_time=grade.correlation_time,
+        correlated_sd=grade.correlated_sd if slow else None,
+        correlation_time=grade.correlation_time if slow else None,
         latency=latency,
         velocity_latency=velocity_latency,
         claimed_scale=claimed_scale,
