@@ -133,7 +133,9 @@ from .io.kalibr import kalibr_yaml as kalibr_yaml
 from .io.kalibr import write_kalibr as write_kalibr
 from .io.read import read_gnss as read_gnss
 from .io.read import read_imu as read_imu
+from .io.read import read_imus as read_imus
 from .navigation.aiding.barometer import Barometer as Barometer
+from .navigation.aiding.barometer import height_of_pressure as height_of_pressure
 from .navigation.aiding.general import AidedState as AidedState
 from .navigation.aiding.general import AidingState as AidingState
 from .navigation.aiding.general import MeasurementSource as MeasurementSource
@@ -141,23 +143,28 @@ from .navigation.aiding.gnss import CorrelatedGnss as CorrelatedGnss
 from .navigation.aiding.gnss import GnssErrorModel as GnssErrorModel
 from .navigation.aiding.heading import Heading as Heading
 from .navigation.aiding.magnetometer import Magnetometer as Magnetometer
+from .navigation.aiding.magnetometer import earth_field as earth_field
 from .navigation.aiding.options import GnssWeighting as GnssWeighting
 from .navigation.aiding.options import MeasurementOptions as MeasurementOptions
 from .navigation.aiding.parity import array_error_model as array_error_model
+from .navigation.engine import gate_thresholds as gate_thresholds
 from .navigation.error_models.allan_readings import AllanReading as AllanReading
 from .navigation.error_models.autoregressive_fits import autoregressive_fits as autoregressive_fits
 from .navigation.error_models.catalogue import ErrorModel as ErrorModel
 from .navigation.error_models.catalogue import error_model as error_model
 from .navigation.error_models.sensor_denoising import SensorDenoising as SensorDenoising
 from .navigation.error_models.sensor_error_model import sensor_error_model as sensor_error_model
+from .navigation.error_models.sensor_states import SensorErrorModel as SensorErrorModel
 from .navigation.error_models.sources import error_models as error_models
 from .navigation.mechanizations.navigate_array import navigate_array as navigate_array
+from .navigation.mechanizations.stacked import RigidBody as RigidBody
 from .navigation.navigate import navigate as navigate
 from .navigation.observability import Observability as Observability
 from .navigation.observability import Segment as Segment
 from .navigation.observability import observability as observability
 from .navigation.preparation.prepare import prepare as prepare
 from .navigation.settings import NavigationSettings as NavigationSettings
+from .navigation.stepping import InitialState as InitialState
 from .navigation.streaming import FilterState as FilterState
 from .navigation.streaming import GnssReceiver as GnssReceiver
 from .navigation.streaming import NavigationFilter as NavigationFilter
@@ -185,6 +192,7 @@ from .rotations import euler_from_dcm as euler_from_dcm
 from .rotations import rotation_vector_from_dcm as rotation_vector_from_dcm
 from .rotations import wahba as wahba
 from .screening.screen import Screening as Screening
+from .screening.screen import clean_segments as clean_segments
 from .screening.screen import repair as repair
 from .screening.screen import screen as screen
 from .simulation.array import simulate_array as simulate_array
@@ -247,6 +255,7 @@ __all__ = [
     "ImuCharacterization",
     "ImuMethodComparison",
     "ImuRecording",
+    "InitialState",
     "Innovations",
     "InputError",
     "LastingFaultSettings",
@@ -280,12 +289,14 @@ __all__ = [
     "Quantization",
     "RandomWalk",
     "RateRamp",
+    "RigidBody",
     "SampleJump",
     "Scenario",
     "SchulerError",
     "Screening",
     "Segment",
     "SensorDenoising",
+    "SensorErrorModel",
     "SetPiece",
     "SimulatedDrive",
     "Sinusoid",
@@ -312,6 +323,7 @@ __all__ = [
     "characterize_imu",
     "chi_square_power",
     "chi_square_threshold",
+    "clean_segments",
     "compare_error_models",
     "compare_mechanizations",
     "compare_methods",
@@ -325,6 +337,7 @@ __all__ = [
     "detect_faults",
     "detect_lasting_faults",
     "draw_outage_twin",
+    "earth_field",
     "empirical_threshold",
     "error_model",
     "error_models",
@@ -344,6 +357,8 @@ __all__ = [
     "fit_gmwm_replicates",
     "fit_maximum_likelihood",
     "garch_log_likelihood",
+    "gate_thresholds",
+    "height_of_pressure",
     "ideal_imu",
     "identify",
     "identify_spectrum",
@@ -375,6 +390,7 @@ __all__ = [
     "read_array",
     "read_gnss",
     "read_imu",
+    "read_imus",
     "redundant_sensors",
     "repair",
     "robust_autocorrelation_band",

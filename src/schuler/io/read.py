@@ -106,6 +106,23 @@ def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:
 
     Several IMUs stand side by side in columns ``imuK_gyro_x_rad_s``, or below each other with a
     column ``imu`` that holds their number.
+
+    Parameters
+    ----------
+    path : str or Path
+        As in `read_imu`.
+    **how
+        As in `read_imu`.
+
+    Returns
+    -------
+    tuple of ImuRecording
+        In the order of their numbers; one for a file of a single IMU.
+
+    Raises
+    ------
+    InputError
+        As in `read_imu`.
     """
     options = _options(how, "imu")
     source = _open(Path(path), "imu", options)

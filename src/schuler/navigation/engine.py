@@ -191,7 +191,19 @@ class FilterRun:
 
 
 def gate_thresholds(false_alarm: float) -> FloatArray:
-    """Largest accepted normalised innovation squared for 0 to 3 degrees of freedom."""
+    """Largest accepted normalised innovation squared for 0 to 3 degrees of freedom.
+
+    Parameters
+    ----------
+    false_alarm : float
+        Probability of refusing a good measurement; 0 switches the gate off.
+
+    Returns
+    -------
+    (4,) ndarray
+        Chi-square quantiles; Bar-Shalom, Estimation with Applications to Tracking and
+        Navigation, section 5.4.
+    """
     from scipy.special import gammaincinv
 
     if false_alarm <= 0.0:

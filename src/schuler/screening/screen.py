@@ -299,7 +299,22 @@ def longest_rest(imu: ImuRecording, screening: Screening) -> ImuRecording:
 def clean_segments(
     imu: ImuRecording, screening: Screening, shortest: float = 1.0
 ) -> tuple[ImuRecording, ...]:
-    """Return the pieces between knocks, outliers and gaps."""
+    """Return the pieces between knocks, outliers and gaps.
+
+    Parameters
+    ----------
+    imu : ImuRecording
+        The recording that was screened.
+    screening : Screening
+        What was seen in it.
+    shortest : float
+        Pieces shorter than this many seconds are left out.
+
+    Returns
+    -------
+    tuple of ImuRecording
+        Longest first, each with a line of history.
+    """
     edges = [(0, 0), *((g, g) for g in screening.gaps), *screening.disturbed, (imu.size, imu.size)]
     edges.sort()
     pieces = []

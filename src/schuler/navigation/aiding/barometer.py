@@ -74,7 +74,20 @@ class Barometer:
 
 
 def height_of_pressure(pressure: ArrayLike, reference: float = 101325.0) -> FloatArray:
-    """Return heights in the standard atmosphere."""
+    """Return heights in the standard atmosphere.
+
+    Parameters
+    ----------
+    pressure : array_like
+        Pa.
+    reference : float
+        Pressure at height zero, Pa.
+
+    Returns
+    -------
+    ndarray
+        m; ICAO standard atmosphere below 11 km, 44330.77 (1 - (p / p0)^0.190263).
+    """
     ratio = np.asarray(pressure, dtype=np.float64) / reference
     return np.asarray(44330.77 * (1.0 - ratio**0.190263))
 

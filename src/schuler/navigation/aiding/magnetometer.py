@@ -78,7 +78,22 @@ class Magnetometer:
 
 
 def earth_field(declination: float, inclination: float, intensity: float) -> FloatArray:
-    """Return the magnetic field of the earth in north, east, down."""
+    """Return the magnetic field of the earth in north, east, down.
+
+    Parameters
+    ----------
+    declination : float
+        Of magnetic from true north, growing to the east, rad.
+    inclination : float
+        Below the horizontal, rad.
+    intensity : float
+        Of the whole field, any unit.
+
+    Returns
+    -------
+    (3,) ndarray
+        In the unit of the intensity.
+    """
     level = intensity * np.cos(inclination)
     return np.array(
         [
