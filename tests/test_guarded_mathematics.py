@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from schuler.kernels.update import add_rate_noise
 from scipy.stats import chi2
 
 from schuler.arrays.redundant import redundant_sensors
@@ -14,6 +13,7 @@ from schuler.arrays.tracking import OnlineSettings, follow_sensors
 from schuler.curves.autocorrelation import autocorrelation
 from schuler.data import ImuArray, Mounting
 from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
+from schuler.kernels.navigation.update import add_rate_noise
 from schuler.navigation.engine import gate_thresholds
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
