@@ -146,8 +146,9 @@ def test_only_what_is_seen_may_be_read_only_and_both_are_one_type() -> None:
     rows.flags.writeable = False
     again = Whole(w.factor, w.state, rows, w.number, w.active)
     assert take_all(w, 1) == take_all(again, 1)
-    for function in (take, take_all):
-        assert len(function.signatures) == 1  # type: ignore[attr-defined]
+    assert len(take_all.signatures) == 1  # type: ignore[attr-defined]
+    # the inner one is not compiled where the outer one comes from the cache
+    assert len(take.signatures) <= 1  # type: ignore[attr-defined]
 
 
 def test_fields_cannot_be_exchanged() -> None:
