@@ -26,9 +26,15 @@ def frozen(values: ArrayLike, what: str, shape: tuple[int | None, ...]) -> Float
     return array
 
 
+def all_finite(array: NDArray[Any]) -> bool:
+    """Return whether an array holds neither NaN nor infinity; its sum tells at a glance."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(array.sum()) or np.isfinite(array).all())
+
+
 def check_finite(array: NDArray[Any], what: str) -> None:
     """Raise when an array holds NaN or infinity, naming the first row."""
-    if np.isfinite(array).all():
+    if all_finite(array):
         return
     bad = ~np.isfinite(array)
     rows = np.flatnonzero(bad.any(axis=tuple(range(1, array.ndim))) if array.ndim > 1 else bad)

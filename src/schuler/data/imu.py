@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.data._checks import check_finite, check_time, frozen, median_step
+from schuler.data._checks import all_finite, check_finite, check_time, frozen, median_step
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -79,6 +79,8 @@ class ImuRecording:
         gyro = frozen(self.gyro, "gyro", (n, 3))
         accel = frozen(self.accel, "accel", (n, 3))
         for array, sensor in ((gyro, "gyro"), (accel, "accel")):
+            if all_finite(array):
+                continue
             for j, axis in enumerate("xyz"):
                 column = array[:, j]
                 if not np.isnan(column).all():

@@ -11,6 +11,7 @@ import numpy as np
 
 from schuler import units
 from schuler.data import ImuRecording
+from schuler.data._checks import all_finite, median_step
 from schuler.errors import InputError
 from schuler.io.clock import (
     IMU_PACE,
@@ -303,7 +304,7 @@ def _signals(
             given = options.gyro_unit if sensor == "gyro" else options.accel_unit
             its_kind, its_default = _kind(given or column.unit, role, options)
             factor, unit, assumed = unit_of(column, given, its_kind or kind, its_default or default)
-            values = columns[column.name].astype(np.float64)
+            values = columns[column.name].astype(np.float64, copy=False)
             result[sensor][:, k] = values * factor if factor != 1.0 else values
             if assumed:
                 taken.add(sensor)
@@ -336,6 +337,9 @@ def _usable_rows(
 ) -> Any:
     """Find rows that cannot be used: raise, or with repair return which to keep."""
     time, gyro, accel = signals
+    if not options.repair and all(all_finite(values) for values in signals):
+        _no_axis_all_zero(source, chosen, gyro, accel)
+        return slice(None)
     bad = ~np.isfinite(time)
     first = ("time", bad) if bad.any() else None
     for role, (_, _, sensor) in _KINDS.items():
@@ -391,7 +395,7 @@ def _no_axis_all_zero(
     for role, (_, _, sensor) in _KINDS.items():
         values = gyro if sensor == "gyro" else accel
         for k, axis in enumerate(_AXES):
-            if f"{role}_{axis}" in chosen and not values[:, k].any():
+            if f"{role}_{axis}" in chosen and not (values[0, k] or values[:, k].any()):
                 raise InputError(
                     f"{sensor} {axis} is zero in all {values.shape[0]} rows: no sensor does that",
                     expected="measured values",
@@ -413,10 +417,6 @@ def _rates_from_increments(
     After a gap the sensor has summed over one ordinary interval only, and the first sample has no
     sample before it: both are divided by the median step.
     """
-    step = np.diff(time)
-    usual = float(np.median(step))
-    interval = np.concatenate([[usual], step])
-    interval[interval > 1.5 * usual] = usual
     arrays = {"gyro": gyro, "accel": accel}
     for sensor, role, kind in (
         ("gyro", "angle_step", "angle"),
@@ -432,6 +432,14 @@ def _rates_from_increments(
                 and units.measures(given or unit, kind)
             )
         if stepwise:
-            arrays[sensor] = arrays[sensor] / interval[:, np.newaxis]
+            arrays[sensor] = arrays[sensor] / _summed_over(time)[:, np.newaxis]
             notes.did(f"{sensor} increments divided by the time step")
     return arrays["gyro"], arrays["accel"]
+
+
+def _summed_over(time: FloatArray) -> FloatArray:
+    """Return the interval that each sample has summed over."""
+    usual = median_step(time)
+    interval = np.diff(time, prepend=time[0] - usual)
+    interval[interval > 1.5 * usual] = usual
+    return interval

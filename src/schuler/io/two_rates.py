@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schuler.data._checks import all_finite
 from schuler.io.notes import Notes
 from schuler.types import BoolArray, FloatArray
 
@@ -18,6 +19,8 @@ def on_one_axis(
     Of two sensors at one rate, each row of the gyro gets the nearest row of the accelerometer,
     so that the noise of both stays what it was; of two rates, the slower is interpolated.
     """
+    if all_finite(gyro) and all_finite(accel):
+        return None
     has = {"gyro": _there(gyro), "accel": _there(accel)}
     if any(h is None for h in has.values()):
         return None

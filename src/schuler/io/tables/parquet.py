@@ -71,7 +71,8 @@ class ParquetSource:
                 columns[name] = series.fill_null("").to_numpy().astype(str)
             else:
                 series = series if series.dtype.is_float() else series.cast(polars.Float64)
-                columns[name] = series.fill_null(float("nan")).to_numpy()
+                series = series.fill_null(float("nan")) if series.null_count() else series
+                columns[name] = series.to_numpy()
         return columns
 
     def place(self, row: int, name: str = "") -> str:
