@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from schuler.cli.registry import help_line, verbs
 from schuler.errors import InputError, SchulerError
 from schuler.execution.progress import behave
 
+_NEGATIVE = re.compile(r"-\.?\d")
 GOOD, FAILED_CHECK, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
 EPILOGUE = (
     "With every command: --quiet (no tables, no progress), --verbose (every step), --no-color.\n\n"
@@ -134,11 +136,13 @@ def _bug(error: Exception) -> int:
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """Join `--json -` to `--json=-`, which cannot be taken for an option without a value."""
+    """Join `--json -` and `--lever-arm -1,0,0`, whose values look like options, by `=`."""
     joined: list[str] = []
     for argument in arguments:
-        if argument == "-" and joined and joined[-1] == "--json":
-            joined[-1] = "--json=-"
+        before = joined[-1] if joined else ""
+        named = before.startswith("--") and "=" not in before and before != "--"
+        if named and (_NEGATIVE.match(argument) or (argument, before) == ("-", "--json")):
+            joined[-1] = f"{before}={argument}"
         else:
             joined.append(argument)
     return joined

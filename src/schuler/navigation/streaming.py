@@ -47,12 +47,24 @@ from schuler.navigation.stepping import (
     VehicleStates,
     check_references,
 )
+from schuler.navigation.stream_checks import (
+    FARTHEST_AHEAD,
+    check_ahead,
+    check_measurements,
+    checked_position,
+    checked_sample,
+    checked_scale,
+    checked_time,
+    checked_velocity,
+)
 from schuler.types import FloatArray
 
 # samples between two snapshots that a late fix may go back to
 SNAPSHOT_EVERY = 8
 # measurements that wait or may be used once more
 MEASUREMENTS_KEPT = 4096
+# of which so many may wait that a user gives; the rest is for constraints of the vehicle
+MOST_WAITING = 3584
 # at one time positions come first, then velocities, then all else
 OTHER_RANK = 2
 
@@ -421,19 +433,18 @@ class NavigationFilter:
         Raises
         ------
         InputError
-            Time does not increase.
+            Time that does not increase or jumps, or no sample of an IMU; nothing has changed, and
+            the next good sample is taken.
         NavigationError
-            The state stopped being finite.
+            The state stopped being finite: the filter is back at the last moment that it was
+            finite at, a few samples ago.
         """
-        if not time > self._last:
-            raise InputError(
-                f"a sample at {time:.6f} s after one at {self._last:.6f} s",
-                expected="time that increases",
-            )
+        time, rate, force = checked_sample(time, gyro, accel, self._last)
+        if white_scale is not None:
+            white_scale = checked_scale(white_scale)
         if self._watching:
-            rate, force = np.asarray(gyro, np.float64), np.asarray(accel, np.float64)
             white_scale = self._watch(time, rate, force, white_scale)
-        self._take(time, gyro, accel, white_scale)
+        self._take(time, rate, force, white_scale)
 
     def _watch(
         self, time: float, gyro: FloatArray, accel: FloatArray, white_scale: ArrayLike | None
@@ -444,7 +455,7 @@ class NavigationFilter:
                 row = _Rows.blank(1)
                 row.table["kind"], row.table["rank"] = kind, OTHER_RANK
                 row.first[0], row.value[:], row.variance[:] = when, value, variance
-                self._insert(row.first, when, OTHER_RANK)
+                self._insert(row.first, when, OTHER_RANK, MEASUREMENTS_KEPT)
         if self._gaps is not None and self._gaps.shortest < time - self._last < math.inf:
             self._bridge(time, gyro, accel, self._gaps)
         if white_scale is None and self._vibration is not None:
@@ -468,6 +479,17 @@ class NavigationFilter:
             self._run()
         else:
             self._begin = time
+            self._forget_others()
+
+    def _forget_others(self) -> None:
+        """Leave out what waits for the first sample but is of another time."""
+        waiting = self._rows.bytes[: self._known]
+        after = waiting[:, 0] - self._begin
+        near = (after >= -self.late) & (after <= FARTHEST_AHEAD)
+        kept = int(near.sum())
+        waiting[:kept] = waiting[near]
+        self.late_fixes_refused += self._known - kept
+        self._known = kept
 
     def _bridge(self, time: float, gyro: FloatArray, accel: FloatArray, gaps: GapNoise) -> None:
         """Put the mean of the samples around a gap into it, with the noise of what was missed."""
@@ -508,18 +530,33 @@ class NavigationFilter:
         -------
         bool
             False if something of it came too late.
+
+        Raises
+        ------
+        InputError
+            No fix: numbers that are not finite, degrees, deviations that cannot be, a time far
+            ahead of the IMU; nothing has changed.
         """
         taken, receiver = True, self._receiver
-        if position is not None:
-            when = float(time) + receiver.position_offset
-            taken = self._fix(POSITION, when, position, position_sd, receiver.position_factor)
-        if velocity is not None:
-            when = float(time) + receiver.velocity_offset
-            taken &= self._fix(VELOCITY, when, velocity, velocity_sd, receiver.velocity_factor)
-        self._catch_up()
+        time = checked_time(time, "fix")
+        later = max(receiver.position_offset, receiver.velocity_offset)
+        check_ahead(time + later, self._last)
+        place = None if position is None else checked_position(position, position_sd)
+        speed = None if velocity is None else checked_velocity(velocity, velocity_sd)
+        try:
+            if place is not None:
+                when = time + receiver.position_offset
+                taken = self._fix(POSITION, when, *place, receiver.position_factor)
+            if speed is not None:
+                when = time + receiver.velocity_offset
+                taken &= self._fix(VELOCITY, when, *speed, receiver.velocity_factor)
+        finally:
+            self._catch_up()
         return taken
 
-    def _fix(self, rank: int, time: float, value: ArrayLike, sd: ArrayLike, factor: float) -> bool:
+    def _fix(
+        self, rank: int, time: float, value: FloatArray, sd: FloatArray, factor: float
+    ) -> bool:
         """Put what an antenna measured in its place: rank 0 a position, 1 a velocity."""
         row = self._antenna[rank]
         row.value[:] = value
@@ -547,12 +584,23 @@ class NavigationFilter:
 
         Raises
         ------
+        InputError
+            One of them cannot be used; nothing has changed.
         NavigationError
             They refer to states that do not exist.
         """
+        check_measurements(measurements, self._last)
         if any(measurements.general):
             measurements = for_states(measurements, self._states)
         check_references(measurements, self._states)
+        try:
+            return self._inserted(measurements)
+        finally:
+            # a model of one's own may fail after the filter went back
+            self._catch_up()
+
+    def _inserted(self, measurements: AidingSchedule) -> bool:
+        """Put checked measurements in their places; False if one came too late."""
         taken = True
         for k in range(measurements.size):
             when, matrix = float(measurements.time[k]), int(measurements.matrix[k])
@@ -566,7 +614,6 @@ class NavigationFilter:
                 self._matrices_taken += 1
                 row.table["matrix"] = place
             taken &= self._insert(row.bytes[0], when, OTHER_RANK)
-        self._catch_up()
         return taken
 
     def state(self) -> FilterState:
@@ -638,19 +685,17 @@ class NavigationFilter:
             covariance,
         )
 
-    def _insert(self, row: FloatArray, time: float, rank: int) -> bool:
+    def _insert(self, row: FloatArray, time: float, rank: int, most: int = MOST_WAITING) -> bool:
         """Put one measurement in its place; go back to before it if it is late."""
-        if not math.isfinite(time):
-            raise InputError(f"a measurement at the time {time}", expected="a finite time")
+        if self._known - int(self._oldest().aided[0]) >= most:
+            raise NavigationError(
+                f"{most} measurements wait for samples of their time",
+                expected="measurements not far ahead of the IMU",
+            )
         if time <= self._last and not self._go_back(time):
             self.late_fixes_refused += 1
             return False
         places = MEASUREMENTS_KEPT
-        if self._known - int(self._oldest().aided[0]) >= places:
-            raise NavigationError(
-                f"{places} measurements wait for samples of their time",
-                expected="measurements not far ahead of the IMU",
-            )
         at, rows, table = self._known, self._rows.bytes, self._rows.table
         while at > 0:
             before = (at - 1) % places
@@ -701,14 +746,32 @@ class NavigationFilter:
             stop = min(count, begun - begun % SNAPSHOT_EVERY + SNAPSHOT_EVERY)
             bad = advance(filter_, begun - first, stop - first, known)
             if bad >= 0:
+                when = float(self._samples.time[bad])
+                self._forget_since_snapshot()
                 raise NavigationError(
-                    f"the navigation state stopped being finite at {self._samples.time[bad]:.3f} s",
+                    f"the navigation state stopped being finite at {when:.3f} s",
                     expected="a bounded trajectory",
-                    cure="check units and axes of the IMU and the noise model",
+                    cure="check units and axes of the IMU and the noise model; the filter is back "
+                    f"at {self._last:.3f} s",
                 )
             self._begun = begun = stop
             if stop % SNAPSHOT_EVERY == 0:
                 self._snapshot()
+
+    def _forget_since_snapshot(self) -> None:
+        """Go back to the newest snapshot that is finite, without what came since."""
+        kept = len(self._snapshots)
+        for number in range(self._taken - 1, max(self._taken - kept, 0) - 1, -1):
+            snapshot = self._snapshots[number % kept]
+            if all(np.isfinite(v).all() for v in (snapshot.position, snapshot.covariance)):
+                break
+        _copy_state(snapshot, self._stepper.state)
+        self._taken = number + 1
+        self._known = int(snapshot.aided[0])
+        samples = self._samples
+        self._begun = samples.count = int(snapshot.samples[0])
+        last = samples.count - samples.first - 1
+        self._last = float(samples.time[last]) if last >= 0 else -math.inf
 
 
 def _copy_state(source: KernelState, target: KernelState) -> None:
