@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError
@@ -26,11 +25,10 @@ from schuler.evaluation.outage_windows import (
 )
 from schuler.evaluation.paired import PERCENTAGES, PairedStatistics, paired_statistics
 from schuler.navigation.error_models.catalogue import ErrorModel
-from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
 from schuler.navigation.navigate import withhold
 from schuler.navigation.preparation.prepare import PreparedDrive, prepare_drive
 from schuler.navigation.run import run
-from schuler.navigation.settings import FALSE_ALARM, NavigationSettings
+from schuler.navigation.settings import NavigationOptions, navigation_settings
 from schuler.navigation.threads import in_threads
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
@@ -181,12 +179,8 @@ def compare_error_models(
     windows: Sequence[Window] = (),
     sweep: Window | None = None,
     smooth: bool = False,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    turn_on_accel: float = TURN_ON_ACCEL,
-    turn_on_gyro: float = TURN_ON_GYRO,
-    false_alarm: float = FALSE_ALARM,
     progress: Callable[[str], None] | None = None,
-    **how: Any,
+    **options: Unpack[NavigationOptions],
 ) -> ErrorModelComparison:
     """Run every error model through the same outages of a drive.
 
@@ -202,10 +196,8 @@ def compare_error_models(
         As for `evaluate_outages`.
     smooth : bool
         Judge the smoothed solutions as well.
-    lever_arm, turn_on_accel, turn_on_gyro, false_alarm, progress
-        As for `navigate`.
-    **how
-        heading, mounting, time_offset, aiding as for `navigate`.
+    progress, **options
+        As for `navigate`, but for `tune_noise`: every model is taken as it is.
 
     Returns
     -------
@@ -218,14 +210,7 @@ def compare_error_models(
         No windows or models, the same name twice, or inputs that cannot be used.
     """
     check_models(models)
-    settings = NavigationSettings(
-        lever_arm=lever_arm,
-        tune_noise=False,
-        turn_on_accel=turn_on_accel,
-        turn_on_gyro=turn_on_gyro,
-        false_alarm=false_alarm,
-        **how,
-    )
+    settings = navigation_settings(compare_error_models, options, tune_noise=False)
     groups = deal_windows(asked_windows(windows, sweep, gnss))
     measured = {m.name: m.measured(imu) for m in models}
 

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
-
-from numpy.typing import ArrayLike
+from typing import Any, Unpack
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.evaluation.outage_windows import (
@@ -22,14 +20,17 @@ from schuler.evaluation.outage_windows import (
     in_order,
     judge_run,
 )
-from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.navigate import withhold
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.run import run
-from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
+from schuler.navigation.settings import (
+    NavigationOptions,
+    NavigationSettings,
+    Progress,
+    navigation_settings,
+)
 from schuler.navigation.threads import in_threads
 from schuler.noise.noise_model import NoiseModel
-from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,16 +89,9 @@ def evaluate_outages(
     *,
     windows: Sequence[Window] = (),
     sweep: Window | None = None,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    heading: float | None = None,
-    mounting: FloatArray | None = None,
-    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
-    tune_noise: bool | None = None,
-    aiding: Sequence[str] = (),
-    measurements: MeasurementOptions = PLAIN,
-    false_alarm: float = FALSE_ALARM,
     lag: float | None = None,
     progress: Callable[[str], None] | None = None,
+    **options: Unpack[NavigationOptions],
 ) -> OutageEvaluation:
     """Withhold GNSS in windows and judge the solutions there.
 
@@ -112,11 +106,10 @@ def evaluate_outages(
         Seconds after the first GNSS epoch.
     sweep : (seconds, every) or None
         Windows of `seconds` that start every `every` seconds, instead of `windows`.
-    lever_arm, heading, mounting, time_offset, tune_noise, aiding, measurements,
-    false_alarm, progress
-        As for `navigate`.
     lag : float or None
         Judge fixed-lag smoothing by so many seconds as well.
+    progress, **options
+        As for `navigate`.
 
     Returns
     -------
@@ -128,16 +121,7 @@ def evaluate_outages(
     InputError
         No windows, windows outside the run, or inputs that cannot be used.
     """
-    settings = NavigationSettings(
-        lever_arm=lever_arm,
-        heading=heading,
-        mounting=mounting,
-        time_offset=time_offset,
-        tune_noise=tune_noise,
-        aiding=aiding,
-        false_alarm=false_alarm,
-        measurements=measurements,
-    )
+    settings = navigation_settings(evaluate_outages, options)
     groups = deal_windows(asked_windows(windows, sweep, gnss))
 
     def one(number: int) -> _JudgedRun:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.outputs import measurement_bytes, node_bytes
 from schuler.navigation.stepping import (
     NO_VEHICLE,
+    NODE_INTERVAL,
+    FilterOptions,
     FilterStepper,
     InitialState,
     VehicleStates,
@@ -218,25 +221,15 @@ def run_engine(
     model: SensorErrorModel,
     schedule: AidingSchedule,
     *,
-    gate: FloatArray,
-    robustness: FloatArray | None = None,
     white_scale: FloatArray | None = None,
-    vehicle: VehicleStates = NO_VEHICLE,
     keep_samples: bool = True,
     keep_nodes: bool = True,
-    node_interval: float = 0.25,
     smoother_memory: float = SMOOTHER_MEMORY,
+    **how: Unpack[FilterOptions],
 ) -> FilterRun:
     """Run the filter over a recording."""
-    stepper = FilterStepper(
-        initial,
-        model,
-        gate=gate,
-        robustness=robustness,
-        vehicle=vehicle,
-        node_interval=node_interval,
-        accumulating=keep_nodes,
-    )
+    stepper = FilterStepper(initial, model, accumulating=keep_nodes, **how)
+    node_interval = how.get("node_interval", NODE_INTERVAL)
     n, u, s = imu.size, schedule.size, stepper.size
     k = u + int(imu.duration / node_interval) + 3
     needed = k * node_bytes(s, stepper.width) + u * measurement_bytes(s)

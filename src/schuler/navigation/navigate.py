@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
-from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
-from schuler.navigation.engine import SMOOTHER_MEMORY
-from schuler.navigation.error_models.sensor_error_model import (
-    TURN_ON_ACCEL,
-    TURN_ON_GYRO,
-    generic_noise_model,
-)
+from schuler.navigation.error_models.sensor_error_model import generic_noise_model
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.run import run
-from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
+from schuler.navigation.settings import NavigationOptions, Progress, navigation_settings
 from schuler.noise.effects import compensated
 from schuler.noise.noise_model import NoiseModel
-from schuler.types import FloatArray
 
 
 def withhold(gnss: GnssRecording, windows: Sequence[tuple[float, float]]) -> GnssRecording:
@@ -54,18 +46,8 @@ def navigate(
     outages: Sequence[tuple[float, float]] = (),
     smooth: bool | Literal["fixed-lag"] = False,
     lag: float = 5.0,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    heading: float | None = None,
-    mounting: FloatArray | None = None,
-    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
-    tune_noise: bool | None = None,
-    aiding: Sequence[str] = (),
-    false_alarm: float = FALSE_ALARM,
-    smoother_memory: float = SMOOTHER_MEMORY,
-    turn_on_accel: float = TURN_ON_ACCEL,
-    turn_on_gyro: float = TURN_ON_GYRO,
-    measurements: MeasurementOptions = PLAIN,
     progress: Progress | None = None,
+    **options: Unpack[NavigationOptions],
 ) -> NavigationSolution:
     """Estimate the trajectory of an IMU with loosely coupled GNSS. Spec 7.1 to 7.3, 7.8.
 
@@ -86,34 +68,36 @@ def navigate(
         by what is measured up to `lag` after each moment ("fixed-lag").
     lag : float
         Of fixed-lag smoothing, s.
-    lever_arm : (3,) array_like
+    progress : callable or None
+        Called with a line of text now and then.
+    lever_arm : (3,) array_like, default (0, 0, 0)
         GNSS antenna from IMU, in IMU axes, m.
-    heading : float or None
+    heading : float or None, default None
         Heading of the IMU's x axis at the start, rad; None: found from GNSS.
-    mounting : (3, 3) ndarray or None
+    mounting : (3, 3) ndarray or None, default None
         Vehicle (forward, right, down) from IMU, where known.
-    time_offset : "estimate", float or (float, float)
+    time_offset : "estimate", float or (float, float), default "estimate"
         Seconds to add to GNSS time to get IMU time, one for both or position and velocity.
-    tune_noise : bool or None
+    tune_noise : bool or None, default None
         Whether to scale noise and receiver standard deviations by the likelihood of the drive;
         None: only when no noise model is given.
-    aiding : sequence of str
+    aiding : sequence of str, default ()
         What is known of the vehicle: "nhc", it has wheels and rolls along its forward axis
         (mounting, place and slip of the rear axle, and pitch of the springs become states);
         "zupt", it does not move while the IMU feels no motion; "wheel", together with "nhc": the
         vibration of the wheels tells their speed, once GNSS has told their circumference.
-    false_alarm : float
+    false_alarm : float, default 1e-6
         Probability with which the innovation gate refuses a good measurement; 0: no gate.
-    smoother_memory : float
+    smoother_memory : float, default 5e8
         Bytes that may be kept for smoothing; a run that needs more is computed twice, part by
         part, to the same numbers.
-    turn_on_accel, turn_on_gyro : float
-        Standard deviations of the constants at switch-on, m/s² and rad/s.
-    measurements : MeasurementOptions
+    turn_on_accel : float, default 0.3
+        Standard deviation of the accelerometers' constants at switch-on, m/s².
+    turn_on_gyro : float, default radians(0.5)
+        Likewise of the gyros, rad/s.
+    measurements : MeasurementOptions, default MeasurementOptions()
         How GNSS is weighted (gate, Huber, Student-t, adaptive noise), its slow errors, and other
         sensors: heading, barometer, magnetometer.
-    progress : callable or None
-        Called with a line of text now and then.
 
     Returns
     -------
@@ -123,7 +107,7 @@ def navigate(
     Raises
     ------
     InputError
-        Recordings without what is needed.
+        Recordings without what is needed, or an option that does not exist.
     NavigationError
         No overlap, no heading, no mounting where it is needed, or a run that diverges.
 
@@ -140,19 +124,7 @@ def navigate(
     check_smoothing(smooth)
     if noise_model is not None:
         imu = compensated(imu, noise_model.effects)
-    settings = NavigationSettings(
-        lever_arm=lever_arm,
-        heading=heading,
-        mounting=mounting,
-        time_offset=time_offset,
-        tune_noise=tune_noise,
-        aiding=aiding,
-        false_alarm=false_alarm,
-        smoother_memory=smoother_memory,
-        turn_on_accel=turn_on_accel,
-        turn_on_gyro=turn_on_gyro,
-        measurements=measurements,
-    )
+    settings = navigation_settings(navigate, options)
     used = withhold(gnss, outages) if outages else gnss
     prepared = prepare_drive(imu, used, noise_model, settings, progress)
     if progress is not None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
+from schuler.keywords import refuse_unknown
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.aiding.vehicle import check_constraints
 from schuler.navigation.engine import SMOOTHER_MEMORY
@@ -21,6 +22,22 @@ FALSE_ALARM = 1e-6
 
 TimeOffset: TypeAlias = Literal["estimate"] | float | tuple[float, float]
 Progress: TypeAlias = Callable[[str], None]
+
+
+class NavigationOptions(TypedDict, total=False):
+    """Keywords that everything takes that navigates; explained at `navigate`."""
+
+    lever_arm: ArrayLike
+    heading: float | None
+    mounting: FloatArray | None
+    time_offset: TimeOffset
+    tune_noise: bool | None
+    aiding: Sequence[str]
+    false_alarm: float
+    smoother_memory: float
+    turn_on_accel: float
+    turn_on_gyro: float
+    measurements: MeasurementOptions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +83,14 @@ class NavigationSettings:
     def estimates_offset(self) -> bool:
         """Whether time offsets are looked for."""
         return isinstance(self.time_offset, str)
+
+
+def navigation_settings(
+    function: Callable[..., object], options: NavigationOptions, **fixed: Any
+) -> NavigationSettings:
+    """Settings from the keywords of a function, but for those that it sets itself."""
+    refuse_unknown(function, options, NavigationOptions, fixed)
+    return NavigationSettings(**options, **fixed)
 
 
 def nobody_listens(_: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Required, TypedDict
 
 import numpy as np
 
@@ -37,6 +38,8 @@ ROLLING = 1.0
 STANDING = 0.2
 
 NO_SCALE = np.empty((0, 6))
+NODE_INTERVAL = 0.25
+"""Longest time between nodes, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +86,15 @@ class VehicleStates:
 NO_VEHICLE = VehicleStates(-1, np.eye(3))
 
 
+class FilterOptions(TypedDict, total=False):
+    """Keywords that everything takes that runs a filter; explained at `FilterStepper`."""
+
+    gate: Required[FloatArray]
+    robustness: FloatArray | None
+    vehicle: VehicleStates
+    node_interval: float
+
+
 class FilterStepper:
     """A filter between two samples: its state, and what it needs to go on.
 
@@ -114,7 +126,7 @@ class FilterStepper:
         gate: FloatArray,
         robustness: FloatArray | None = None,
         vehicle: VehicleStates = NO_VEHICLE,
-        node_interval: float = 0.25,
+        node_interval: float = NODE_INTERVAL,
         accumulating: bool = False,
     ) -> None:
         from schuler.kernels.navigation.filter import run_filter

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,9 +43,9 @@ from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.stepping import (
     NO_SCALE,
     NO_VEHICLE,
+    FilterOptions,
     FilterStepper,
     InitialState,
-    VehicleStates,
     check_references,
 )
 from schuler.navigation.stream_checks import (
@@ -212,16 +213,12 @@ class NavigationFilter:
         At the first sample.
     model : SensorErrorModel
         Sensor error states and white noise.
-    gate : (4,) ndarray
-        See `gate_thresholds`.
     rate : float
         Samples a second, about; for the size of what is kept.
     late : float
         How late a fix may come, s.
     lag : float or None
         How long `smoothed_state` waits for later measurements, s; None: no smoothing.
-    vehicle : VehicleStates
-        Of a wheeled vehicle whose constraints are given to `add`.
     receiver : GnssReceiver
         How fixes are used.
     constraints : ConstraintStream or None
@@ -231,10 +228,14 @@ class NavigationFilter:
     gaps : GapNoise or None
         Bridges gaps in the samples, with noise for what may have happened; None: the sample after
         a gap is taken as the mean over it.
-    node_interval : float
-        As in `run_engine`.
-    robustness : (9,) ndarray or None
-        As in `run_engine`.
+    gate : (4,) ndarray
+        See `gate_thresholds`.
+    robustness : (9,) ndarray or None, default None
+        See `GnssWeighting`; None: a gate, and the noise that the receiver claims.
+    vehicle : VehicleStates, default NO_VEHICLE
+        Of a wheeled vehicle whose constraints are given to `add`.
+    node_interval : float, default 0.25
+        Longest time between nodes, s.
 
     Notes
     -----
@@ -247,32 +248,21 @@ class NavigationFilter:
         initial: InitialState,
         model: SensorErrorModel,
         *,
-        gate: FloatArray,
         rate: float,
         late: float = 1.0,
         lag: float | None = None,
-        vehicle: VehicleStates = NO_VEHICLE,
         receiver: GnssReceiver | None = None,
         constraints: ConstraintStream | None = None,
         vibration: VibrationStream | None = None,
         gaps: GapNoise | None = None,
-        node_interval: float = 0.25,
-        robustness: FloatArray | None = None,
+        **how: Unpack[FilterOptions],
     ) -> None:
         if not (rate > 0.0 and late >= 0.0 and (lag is None or lag > 0.0)):
             raise InputError(
                 f"a rate of {rate} Hz, fixes {late} s late, a lag of {lag} s",
                 expected="a positive rate and lag, and a lateness of zero or more",
             )
-        self._stepper = FilterStepper(
-            initial,
-            model,
-            gate=gate,
-            robustness=robustness,
-            vehicle=vehicle,
-            node_interval=node_interval,
-            accumulating=lag is not None,
-        )
+        self._stepper = FilterStepper(initial, model, accumulating=lag is not None, **how)
         self.late, self.lag = late, lag
         self.late_fixes_refused = 0
         self._states = model.size
@@ -284,7 +274,7 @@ class NavigationFilter:
             _Rows.of_antenna(POSITION, lever, self._receiver.offset_states),
             _Rows.of_antenna(VELOCITY, lever, _NONE),
         )
-        held = max(late, 0.0 if lag is None else lag + 2.0 * node_interval)
+        held = max(late, 0.0 if lag is None else lag + 2.0 * self._stepper.rules.node_interval)
         places = int(held * rate * 1.5) + 4 * SNAPSHOT_EVERY
         self._samples = _Samples(places, keep_outputs=lag is not None)
         self._rows = _Rows.blank(MEASUREMENTS_KEPT)

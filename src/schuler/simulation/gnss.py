@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,12 +12,71 @@ from numpy.typing import ArrayLike
 from schuler import earth
 from schuler.data import GnssRecording
 from schuler.errors import InputError
+from schuler.keywords import refuse_unknown
 from schuler.rotations import dcm_from_euler
 from schuler.simulation.motions.profile import Profile
 from schuler.types import FloatArray
 
 VERTICAL_FACTOR = 1.5
 """Vertical standard deviation over horizontal, where one number is given."""
+
+
+class ReceiverOptions(TypedDict, total=False):
+    """Keywords of all simulated receivers; explained at `simulate_gnss`."""
+
+    lever_arm: ArrayLike
+    start: float | None
+    latency: float
+    velocity_latency: float | None
+    claimed_scale: float
+    outages: Sequence[tuple[float, float]]
+    outlier_rate: float
+    outlier_size: float
+    name: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Receiver:
+    """How a receiver sees a motion, besides its noise; the values of `ReceiverOptions`."""
+
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0)
+    start: float | None = None
+    latency: float = 0.0
+    velocity_latency: float | None = None
+    claimed_scale: float = 1.0
+    outages: Sequence[tuple[float, float]] = ()
+    outlier_rate: float = 0.0
+    outlier_size: float = 50.0
+    name: str = "simulated"
+
+    @property
+    def late(self) -> float:
+        """Seconds by which velocities are late."""
+        return self.latency if self.velocity_latency is None else self.velocity_latency
+
+    def epochs(self, profile: Profile, rate: float) -> FloatArray:
+        """Stamps of all epochs, those of the outages too, s."""
+        if not rate > 0.0 or not self.claimed_scale > 0.0:
+            raise InputError(
+                f"a rate of {rate:g} Hz and a scale of {self.claimed_scale:g}",
+                expected="positive numbers",
+            )
+        first = self.start
+        if first is None:
+            first = profile.start + max(self.latency, self.late, 0.0)
+        last = profile.stop + min(self.latency, self.late, 0.0)
+        count = int(np.floor((last - first) * rate + 1e-9)) + 1
+        if count < 1:
+            raise InputError("no GNSS epoch within the profile", expected="a start before its end")
+        return np.asarray(first + np.arange(count) / rate)
+
+    def received(self, recording: GnssRecording) -> GnssRecording:
+        """Return the recording without the epochs of the outages."""
+        time = recording.time
+        missing = np.zeros(time.size, dtype=bool)
+        for begin, seconds in self.outages:
+            missing |= (time >= begin) & (time < begin + seconds)
+        return recording.select(~missing) if missing.any() else recording
 
 
 def antenna_motion(
@@ -43,17 +104,9 @@ def simulate_gnss(
     position_sd: ArrayLike,
     velocity_sd: ArrayLike | None,
     rng: np.random.Generator,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    start: float | None = None,
     correlation_time: float | None = None,
     correlated_sd: ArrayLike | None = None,
-    latency: float = 0.0,
-    velocity_latency: float | None = None,
-    claimed_scale: float = 1.0,
-    outages: Sequence[tuple[float, float]] = (),
-    outlier_rate: float = 0.0,
-    outlier_size: float = 50.0,
-    name: str = "simulated",
+    **options: Unpack[ReceiverOptions],
 ) -> GnssRecording:
     """Return what a GNSS receiver records on a known motion.
 
@@ -70,30 +123,30 @@ def simulate_gnss(
         Likewise of the velocity, m/s; None: no velocity is recorded.
     rng : numpy.random.Generator
         Every component draws from its own child of it.
-    lever_arm : (3,) array_like
-        From the IMU to the antenna in the body, m.
-    start : float, optional
-        Stamp of the first epoch, s; the start of the profile, after the longest latency, if not
-        given.
     correlation_time : float, optional
         Seconds: position noise becomes a Gauss-Markov process of the same standard deviation.
         White if not given. The velocity noise is white.
     correlated_sd : float or (3,) array_like, optional
         Like `position_sd`, of a part with the correlation time beside a white part of
         `position_sd`.
-    latency : float
+    lever_arm : (3,) array_like, default (0, 0, 0)
+        From the IMU to the antenna in the body, m.
+    start : float or None, default None
+        Stamp of the first epoch, s; the start of the profile, after the longest latency, if not
+        given.
+    latency : float, default 0
         Seconds by which positions are late: the one stamped t belongs to t - latency.
-    velocity_latency : float, optional
+    velocity_latency : float or None, default None
         Likewise of velocities; that of the positions if not given.
-    claimed_scale : float
+    claimed_scale : float, default 1
         The receiver reports this times the true standard deviations (of both parts together).
-    outages : sequence of (start, seconds)
+    outages : sequence of (start, seconds), default ()
         Epochs with start <= time < start + seconds are missing.
-    outlier_rate : float
+    outlier_rate : float, default 0
         Share of the epochs whose position is far off.
-    outlier_size : float
+    outlier_size : float, default 50
         How far, m, in a direction drawn at random in space. The receiver does not notice.
-    name : str
+    name : str, default "simulated"
         Name of the recording.
 
     Returns
@@ -107,20 +160,13 @@ def simulate_gnss(
         Rate, standard deviations, correlation time or scale not positive, a share of outliers
         that is none, a correlated part without a time, or no epoch is left.
     """
-    late = latency if velocity_latency is None else velocity_latency
-    first = profile.start + max(latency, late, 0.0) if start is None else start
-    last = profile.stop + min(latency, late, 0.0)
-    if not rate > 0.0 or not claimed_scale > 0.0:
-        raise InputError(
-            f"a rate of {rate:g} Hz and a scale of {claimed_scale:g}", expected="positive numbers"
-        )
-    count = int(np.floor((last - first) * rate + 1e-9)) + 1
-    if count < 1:
-        raise InputError("no GNSS epoch within the profile", expected="a start before its end")
-    time = first + np.arange(count) / rate
+    refuse_unknown(simulate_gnss, options, ReceiverOptions)
+    receiver = _Receiver(**options)
+    time = receiver.epochs(profile, rate)
+    count = time.size
     sd = _deviations(position_sd, "position")
     children = rng.spawn(6)
-    position, _ = antenna_motion(profile, time - latency, lever_arm)
+    position, _ = antenna_motion(profile, time - receiver.latency, receiver.lever_arm)
     whole = correlation_time if correlated_sd is None else None
     noise = sd * _unit_noises(count, 1.0 / rate, whole, children[:3])
     if correlated_sd is not None:
@@ -129,30 +175,28 @@ def simulate_gnss(
         slow_sd = _deviations(correlated_sd, "correlated position")
         noise += slow_sd * _unit_noises(count, 1.0 / rate, correlation_time, rng.spawn(3))
         sd = np.hypot(sd, slow_sd)
-    if outlier_rate != 0.0:
-        noise += _outliers(count, outlier_rate, outlier_size, rng.spawn(1)[0])
+    if receiver.outlier_rate != 0.0:
+        noise += _outliers(count, receiver.outlier_rate, receiver.outlier_size, rng.spawn(1)[0])
     north, east = earth.metres_per_radian(position)
     position = position + noise / np.stack([north, east, -np.ones(count)], axis=-1)
     velocity = speed_sd = None
     if velocity_sd is not None:
         speed_sd = _deviations(velocity_sd, "velocity")
-        _, velocity = antenna_motion(profile, time - late, lever_arm)
+        _, velocity = antenna_motion(profile, time - receiver.late, receiver.lever_arm)
         velocity = velocity + speed_sd * np.stack(
             [child.standard_normal(count) for child in children[3:]], axis=-1
         )
+    scale = receiver.claimed_scale
     recording = GnssRecording(
         time,
         position,
-        np.tile(claimed_scale * sd, (count, 1)),
+        np.tile(scale * sd, (count, 1)),
         velocity,
-        None if speed_sd is None else np.tile(claimed_scale * speed_sd, (count, 1)),
-        name=name,
+        None if speed_sd is None else np.tile(scale * speed_sd, (count, 1)),
+        name=receiver.name,
         history=(f"simulated at {rate:g} Hz",),
     )
-    missing = np.zeros(count, dtype=bool)
-    for begin, seconds in outages:
-        missing |= (time >= begin) & (time < begin + seconds)
-    return recording.select(~missing) if missing.any() else recording
+    return receiver.received(recording)
 
 
 def _deviations(values: ArrayLike, what: str) -> FloatArray:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording
-from schuler.simulation.gnss import simulate_gnss
+from schuler.keywords import refuse_unknown
+from schuler.simulation.gnss import ReceiverOptions, simulate_gnss
 from schuler.simulation.motions.profile import Profile
 
 
@@ -65,15 +65,8 @@ def simulate_receiver(
     rate: float = 1.0,
     *,
     rng: np.random.Generator,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    start: float | None = None,
-    latency: float = 0.0,
-    velocity_latency: float | None = None,
-    claimed_scale: float = 1.0,
-    outages: Sequence[tuple[float, float]] = (),
-    outlier_rate: float = 0.0,
-    outlier_size: float = 50.0,
     velocity: bool = True,
+    **options: Unpack[ReceiverOptions],
 ) -> GnssRecording:
     """Return what a receiver of some grade records on a known motion.
 
@@ -87,20 +80,11 @@ def simulate_receiver(
         Fixes a second, Hz.
     rng : numpy.random.Generator
         Source of randomness.
-    lever_arm : (3,) array_like
-        Of the antenna in the body, m.
-    start : float, optional
-        Time of the first fix, s.
-    latency, velocity_latency : float
-        Seconds that the stamps are late.
-    claimed_scale : float
-        Factor on the standard deviations that are told.
-    outages : sequence of (start, seconds)
-        Without fixes.
-    outlier_rate, outlier_size : float
-        Share of wrong fixes, and how wrong they are, m.
     velocity : bool
         Whether velocity is measured too.
+    **options
+        lever_arm, start, latency, velocity_latency, claimed_scale, outages, outlier_rate,
+        outlier_size and name, as for `simulate_gnss`; the name is that of the grade.
 
     Returns
     -------
@@ -121,6 +105,7 @@ def simulate_receiver(
     >>> schuler.simulate_receiver(ride, grade, rng=np.random.default_rng(0)).time.size > 100
     True
     """
+    refuse_unknown(simulate_receiver, options, ReceiverOptions)
     slow = any(grade.correlated_sd)
     recording = simulate_gnss(
         profile,
@@ -128,16 +113,8 @@ def simulate_receiver(
         position_sd=grade.white_sd,
         velocity_sd=grade.velocity_sd if velocity else None,
         rng=rng,
-        lever_arm=lever_arm,
-        start=start,
         correlated_sd=grade.correlated_sd if slow else None,
         correlation_time=grade.correlation_time if slow else None,
-        latency=latency,
-        velocity_latency=velocity_latency,
-        claimed_scale=claimed_scale,
-        outages=outages,
-        outlier_rate=outlier_rate,
-        outlier_size=outlier_size,
-        name=grade.name,
+        **({"name": grade.name} | options),
     )
     return replace(recording, quality=np.full(recording.size, grade.quality))

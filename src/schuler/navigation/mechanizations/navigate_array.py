@@ -10,16 +10,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
-
-from numpy.typing import ArrayLike
+from typing import Any, Literal, Unpack, get_args
 
 from schuler.data import GnssRecording, NavigationSolution
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
-from schuler.navigation.aiding.options import CLAIMED, PLAIN, MeasurementOptions
-from schuler.navigation.engine import SMOOTHER_MEMORY
-from schuler.navigation.error_models.sensor_error_model import TURN_ON_ACCEL, TURN_ON_GYRO
+from schuler.navigation.aiding.options import CLAIMED
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
 from schuler.navigation.mechanizations.array_solution import solution_at_lever_arm
@@ -30,9 +26,13 @@ from schuler.navigation.mechanizations.system_level import Vote, run_system
 from schuler.navigation.navigate import check_smoothing, withhold
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.run import run
-from schuler.navigation.settings import FALSE_ALARM, NavigationSettings, Progress
+from schuler.navigation.settings import (
+    NavigationOptions,
+    NavigationSettings,
+    Progress,
+    navigation_settings,
+)
 from schuler.noise.noise_model import NoiseModel
-from schuler.types import FloatArray
 
 Mechanization = Literal["single", "synthetic", "extended", "constrained", "system"]
 MECHANIZATIONS: tuple[Mechanization, ...] = get_args(Mechanization)
@@ -84,18 +84,8 @@ def navigate_array(
     outages: Sequence[tuple[float, float]] = (),
     smooth: bool | Literal["fixed-lag"] = False,
     lag: float = 5.0,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    heading: float | None = None,
-    mounting: FloatArray | None = None,
-    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
-    tune_noise: bool | None = None,
-    aiding: Sequence[str] = (),
-    false_alarm: float = FALSE_ALARM,
-    smoother_memory: float = SMOOTHER_MEMORY,
-    turn_on_accel: float = TURN_ON_ACCEL,
-    turn_on_gyro: float = TURN_ON_GYRO,
-    measurements: MeasurementOptions = PLAIN,
     progress: Progress | None = None,
+    **options: Unpack[NavigationOptions],
 ) -> ArrayNavigation:
     """Estimate the trajectory of a body that carries several IMUs and a GNSS antenna.
 
@@ -117,16 +107,9 @@ def navigate_array(
         Which one is used by "single".
     rigid : RigidBody or None
         How rigid the body is, for "constrained".
-    outages, smooth, lag, heading, mounting, time_offset, tune_noise, aiding, false_alarm,
-    smoother_memory, measurements
-        As for `navigate`; the body takes the place of the IMU. The "constrained" filter is causal
-        and uses GNSS alone.
-    lever_arm : (3,) array_like
-        GNSS antenna from the origin of the body, m.
-    turn_on_accel, turn_on_gyro : float
-        Of every sensor.
-    progress : callable or None
-        Called with a line of text now and then.
+    outages, smooth, lag, progress, **options
+        As for `navigate`; the body takes the place of the IMU, and its origin that of the lever
+        arm. The "constrained" filter is causal and uses GNSS alone.
 
     Returns
     -------
@@ -142,19 +125,7 @@ def navigate_array(
         As `navigate`.
     """
     check_smoothing(smooth)
-    settings = NavigationSettings(
-        lever_arm=lever_arm,
-        heading=heading,
-        mounting=mounting,
-        time_offset=time_offset,
-        tune_noise=tune_noise,
-        aiding=aiding,
-        false_alarm=false_alarm,
-        smoother_memory=smoother_memory,
-        turn_on_accel=turn_on_accel,
-        turn_on_gyro=turn_on_gyro,
-        measurements=measurements,
-    )
+    settings = navigation_settings(navigate_array, options)
     check_mechanization(mechanization, settings, smooth=bool(smooth))
     used = withhold(gnss, outages) if outages else gnss
     prepared = prepare_array(array, used, noise_models, settings, progress)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal, Unpack
 
 import numpy as np
 
@@ -37,9 +37,11 @@ from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.run import run
 from schuler.navigation.settings import (
+    NavigationOptions,
     NavigationSettings,
     Progress,
     TimeOffset,
+    navigation_settings,
     nobody_listens,
 )
 from schuler.navigation.tuning.gnss_errors import fit_split
@@ -71,17 +73,14 @@ def prepare(
     noise_model: NoiseModel | None = None,
     *,
     progress: Progress | None = None,
-    **known: Any,
+    **options: Unpack[NavigationOptions],
 ) -> tuple[ImuRecording, RunSetup]:
     """Align, find time offsets, noise and mounting, and return all that a run needs.
 
     Parameters
     ----------
-    imu, gnss, noise_model, progress
+    imu, gnss, noise_model, progress, **options
         As for `navigate`.
-    **known
-        lever_arm, heading, mounting, time_offset, tune_noise, aiding, false_alarm,
-        smoother_memory, turn_on_accel, turn_on_gyro and measurements, as for `navigate`.
 
     Returns
     -------
@@ -97,7 +96,8 @@ def prepare(
     NavigationError
         No overlap, no heading, or no mounting where it is needed.
     """
-    done = prepare_drive(imu, gnss, noise_model, NavigationSettings(**known), progress)
+    settings = navigation_settings(prepare, options)
+    done = prepare_drive(imu, gnss, noise_model, settings, progress)
     return done.imu, done.setup
 
 

@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.to_dict import ToDict
@@ -23,7 +22,7 @@ from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.run import run
-from schuler.navigation.settings import NavigationSettings
+from schuler.navigation.settings import NavigationOptions, navigation_settings
 from schuler.navigation.tuning.tune import Tuning, tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
@@ -147,20 +146,16 @@ def tune_noise(
     gnss: GnssRecording,
     noise_model: NoiseModel,
     *,
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0),
-    heading: float | None = None,
-    mounting: FloatArray | None = None,
-    time_offset: Literal["estimate"] | float | tuple[float, float] = "estimate",
-    aiding: Sequence[str] = (),
     factors: Sequence[float] = COMMON_FACTORS,
     progress: Callable[[str], None] | None = None,
+    **options: Unpack[NavigationOptions],
 ) -> NoiseTuning:
     """Find by how much a drive inflates the noise of a static log.
 
     Parameters
     ----------
-    imu, gnss, lever_arm, heading, mounting, time_offset, aiding, progress
-        As for `navigate`.
+    imu, gnss, progress, **options
+        As for `navigate`, but for `tune_noise`.
     noise_model : NoiseModel
         Usually from a static log.
     factors : sequence of float
@@ -179,14 +174,7 @@ def tune_noise(
         As `navigate`, or too few GNSS epochs.
     """
     say = progress or (lambda _: None)
-    settings = NavigationSettings(
-        lever_arm=lever_arm,
-        heading=heading,
-        mounting=mounting,
-        time_offset=time_offset,
-        tune_noise=False,
-        aiding=aiding,
-    )
+    settings = navigation_settings(tune_noise, options, tune_noise=False)
     prepared = prepare_drive(imu, gnss, noise_model, settings, progress)
     cut, start = prepared.imu, replace(prepared.setup, factors=NoiseFactors.none())
 
@@ -196,7 +184,7 @@ def tune_noise(
             gnss,
             start,
             noise="sensors",
-            offsets=time_offset == "estimate" and not fixed,
+            offsets=settings.estimates_offset and not fixed,
             first=first,
             fixed=fixed,
             prior_sd=VAGUE_SD,
