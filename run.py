@@ -87,7 +87,8 @@ def install(extra: str) -> int:
             return code
     target = f"{ROOT}[{extra}]" if extra else str(ROOT)
     print("Installing schuler and what it needs (once; a minute or two) ...", flush=True)
-    command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--no-compile"]
+    command.append("--disable-pip-version-check")
     code = subprocess.run([*command, "--editable", target]).returncode
     if code:
         return fail("pip could not install the project (its message is above); try again")
