@@ -16,6 +16,8 @@ from schuler.types import FloatArray, IntArray
 _FIRST_BIN = 2
 _NEIGHBOURS = 2
 _SHORTEST_SEGMENT = 16
+_LONGEST_SEGMENT = 2**22
+"""More would take memory beside a long record, and show only what the Allan curve shows."""
 _MOST_TREND = 1_000_000
 _STRAIGHT = 0.95
 
@@ -109,9 +111,9 @@ def power_spectral_density(
         Which of the two conventions `.density` follows; there is no default, because reading a
         density of noise from the wrong one is wrong by sqrt(2).
     segment : int, optional
-        Samples in a segment. Default: the largest power of two that fits the record twice (2**20
-        for 7 h at 100 Hz): long segments keep the low frequencies, and averaging over bins makes
-        the high ones as sure as short segments would.
+        Samples in a segment. Default: the largest power of two that fits the record twice, 2**22
+        at most (12 h at 100 Hz): long segments keep the low frequencies, and averaging over bins
+        makes the high ones as sure as short segments would.
     bins_per_octave : int or None
         Points an octave; None leaves all bins alone, from zero, as `scipy.signal.welch` returns
         them.
@@ -145,8 +147,8 @@ def power_spectral_density(
     rate = checked_rate(rate)
     length = _segment(segment, values.size)
     shift = float(values.mean())
-    scale = float(np.abs(values - shift).max())
-    constant = bool(values.min() == values.max())
+    low, high = float(values.min()), float(values.max())
+    scale, constant = max(high - shift, shift - low), low == high
     density = _welch(values, shift, np.inf if constant else scale, length, rate)
     raw = np.arange(density.size) * (rate / length)
     segments = 1 + (values.size - length) // (length - length // 2)
@@ -206,7 +208,7 @@ def _welch(values: FloatArray, shift: float, scale: float, length: int, rate: fl
 
 def _segment(wanted: int | None, samples: int) -> int:
     if wanted is None:
-        return int(2 ** (int(samples // 2).bit_length() - 1))
+        return int(min(2 ** (int(samples // 2).bit_length() - 1), _LONGEST_SEGMENT))
     if not _SHORTEST_SEGMENT <= wanted <= samples:
         raise InputError(
             f"segment of {wanted} samples", expected=f"from {_SHORTEST_SEGMENT} to {samples}"

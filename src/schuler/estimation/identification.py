@@ -144,7 +144,7 @@ class Identification(ToDict):
             "candidates": d.candidates,
         }
         named = fitted_to_dict(self.process, self.parameters, self.standard_errors, self.intervals)
-        more = {"flags": self.flags, "lines": self.lines}
+        more = {"flags": self.flags, "lines": self.lines, "effects": self.effects}
         reading = classical_reading(self.curve, self.slopes, self.process)
         named |= {"ieee952": ieee952_to_dict(self.ieee952, reading)}
         told = {"misfit": misfit} | {key: value for key, value in more.items() if value}

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
 from schuler.estimation import series_methods, structure_methods
-from schuler.estimation.allan_route import identify_signal
+from schuler.estimation.allan_route import identify_prepared
+from schuler.estimation.disturbances.prepare import Prepared, has_lines, prepared
 from schuler.estimation.identification import Identification
 from schuler.estimation.parts import checked_model
 from schuler.estimation.result import MethodIdentification
@@ -125,7 +126,8 @@ def identify(
         Time in s below which "psd" and "ml" do not look.
     columns : mapping of str to (n,) array_like, optional
         Quantities beside the signal, such as {"temperature": celsius}: what follows them, their
-        squares or their rates beyond doubt is taken off first (method "allan" only).
+        squares or their rates beyond doubt is taken off first (methods whose answer is a sum of
+        processes).
 
     Returns
     -------
@@ -164,19 +166,29 @@ def identify(
     model = checked_model(model)
     if shortest is not None and not 0.0 < shortest < math.inf:
         raise InputError(f"shortest time {shortest} s", expected="above zero, finite")
-    if columns and method != "allan":
-        raise InputError(f"columns for method '{method}'", expected="method 'allan'")
+    if columns and method not in STRUCTURAL:
+        raise InputError(
+            f"columns for method '{method}'", expected=f"one of {', '.join(STRUCTURAL)}"
+        )
     values = checked_signal(signal, _SHORTEST_RECORD)
-    if method == "allan":
-        found = identify_signal(values, float(rate), model, columns)
-        outlier = outlier_flag(values - values.mean())
-        return replace(found, flags=(outlier,)) if outlier else found
     if method in STRUCTURAL:
-        return _STRUCTURE[method](values, float(rate), model, shortest)
+        ready = prepared(values, float(rate), columns, lines=not has_lines(model))
+        return identify_structure(ready, model, method, shortest)
     return _SERIES[method](values, float(rate), model, order)
 
 
-_STRUCTURE: dict[str, Callable[[FloatArray, float, Any, float | None], MethodIdentification]] = {
+def identify_structure(
+    ready: Prepared, model: str | Process, method: str, shortest: float | None = None
+) -> Identification | MethodIdentification:
+    """Find the processes of a signal that was made ready, once for all methods."""
+    if method != "allan":
+        return _STRUCTURE[method](ready, model, shortest)
+    found = identify_prepared(ready, model)
+    outlier = outlier_flag(ready.raw, float(ready.raw.mean()))
+    return replace(found, flags=(outlier, *found.flags)) if outlier else found
+
+
+_STRUCTURE: dict[str, Callable[[Prepared, Any, float | None], MethodIdentification]] = {
     "slope": structure_methods.by_slopes,
     "psd": structure_methods.by_spectrum,
     "autocorrelation": structure_methods.by_autocorrelation,

@@ -309,24 +309,28 @@ def _maximise(parts: Sequence[Process], data: FloatArray, dt: float, block: int)
     names = tuple(f for f in free_parameters(parts) if parts[f[0]].random)
     if not names:
         raise ModelError("the model has no parameter that a likelihood shows")
-    spread = float(np.std(np.diff(data)))
-    if spread == 0.0:
+    scale = float(np.std(np.diff(data)))
+    if scale == 0.0:
         raise EstimationError("signal does not vary", expected="noise")
+    # in units of its own steps, so that the unit of the signal decides nothing
+    unit = data / scale
+    parts = [p.scaled(1.0 / scale) if p.random else p for p in parts]
     low, high = log_bounds(parts, names, 0.5 * block * dt, data.size * block * dt)
-    low = np.maximum(low, math.log(_VANISHED * spread * math.sqrt(dt)))
+    low = np.maximum(low, math.log(_VANISHED * math.sqrt(dt)))
 
     def slopes(logs: FloatArray) -> Slopes[float]:
-        value, variance, score, information = _evaluate(parts, names, logs, data, dt, block)
+        value, variance, score, information = _evaluate(parts, names, logs, unit, dt, block)
         return Slopes(-value, score, information, variance)
 
     found = minimise(slopes, np.clip(logs_of(parts, names), low, high), (low, high), _RULES)
     information = found.slopes.curvature + 1e-9 * np.eye(len(names))
+    fitted = with_logs(parts, names, found.at)
     return _Maximum(
-        with_logs(parts, names, found.at),
+        tuple(p.scaled(scale) if p.random else p for p in fitted),
         names,
         np.asarray(np.linalg.inv(information), dtype=np.float64),
-        -found.value,
-        found.slopes.state,
+        -found.value - (data.size - 1) * math.log(scale),
+        found.slopes.state * scale**2,
         found.converged,
     )
 
@@ -335,10 +339,6 @@ def _result(
     found: _Maximum, curve: WaveletVarianceCurve, block: int, count: int, flags: list[str]
 ) -> LikelihoodIdentification:
     process = ProcessSum(found.parts)
-    numbers = estimates_of(found.parts, found.names, found.covariance)
-    points = pooled_points([curve])
-    fitted = FittedParts(found.parts, found.names, found.covariance, 0.0, found.converged)
-    absent = limits_of(fitted, points, pooled_scatter(process, [curve], points))
     if not found.converged:
         flags.append("the search for the maximum did not converge")
     keep = curve.factors >= block
@@ -346,7 +346,17 @@ def _result(
     scatter = relative_covariance(process, curve)[np.ix_(keep, keep)]
     chi_square = misfit(curve.variance[keep], model[keep], scatter)
     freedom = int(np.count_nonzero(keep)) - len(found.names)
-    flags += _misfit_flags(chi_square, freedom)
+    wider = _widening(chi_square, freedom)
+    if wider > 1.0:
+        flags.append(
+            f"the model misses the wavelet variance (chi-square {chi_square:.3g} for {freedom}): "
+            f"errors were widened {math.sqrt(wider):.3g} times"
+        )
+    covariance = wider * found.covariance
+    numbers = estimates_of(found.parts, found.names, covariance)
+    points = pooled_points([curve])
+    fitted = FittedParts(found.parts, found.names, covariance, 0.0, found.converged)
+    absent = limits_of(fitted, points, pooled_scatter(process, [curve], points))
     parameters = len(found.names)
     return LikelihoodIdentification(
         process=process,
@@ -375,12 +385,9 @@ def _result(
     )
 
 
-def _misfit_flags(chi_square: float, freedom: int) -> list[str]:
+def _widening(chi_square: float, freedom: int) -> float:
+    """By how much more the estimates scatter than the information says, as the misfit shows."""
     from scipy.special import chdtrc
 
-    if freedom > 0 and float(chdtrc(freedom, chi_square)) < 1e-3:
-        return [
-            f"the model misses the wavelet variance (chi-square {chi_square:.3g} for {freedom}): "
-            "errors from the information are too small"
-        ]
-    return []
+    by_chance = freedom <= 0 or float(chdtrc(freedom, chi_square)) >= 1e-3
+    return 1.0 if by_chance else chi_square / freedom

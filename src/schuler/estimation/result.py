@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
 from schuler.data.to_dict import ToDict, plain
+from schuler.estimation.disturbances.lines import Line
 from schuler.estimation.ieee952 import Coefficient, ieee952_of, ieee952_to_dict
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
 from schuler.noise import Process, ProcessSum
+from schuler.noise.effects import Effect
 
 
 @runtime_checkable
@@ -80,6 +82,10 @@ class MethodIdentification(ToDict):
         What to know before use, in plain words; empty if nothing.
     fit : Fit
         The estimator's own result, with all that is not common.
+    lines : tuple of Line
+        Lines of vibration that were taken out first.
+    effects : tuple of Effect
+        What follows a column beside the signal, taken out first.
     """
 
     JSON = "method no_process upper_limits_95=limits diagnostics converged flags fit"
@@ -94,6 +100,8 @@ class MethodIdentification(ToDict):
     converged: bool
     flags: tuple[str, ...]
     fit: Fit
+    lines: tuple[Line, ...] = field(default=(), kw_only=True)
+    effects: tuple[Effect, ...] = field(default=(), kw_only=True)
 
     @property
     def ieee952(self) -> dict[str, Coefficient]:
@@ -111,7 +119,8 @@ class MethodIdentification(ToDict):
             "parameters": plain(parameters),
             "ieee952": ieee952_to_dict(self.ieee952),
         }
-        return ToDict.to_dict(self) | named
+        told = {"lines": self.lines, "effects": self.effects}
+        return ToDict.to_dict(self) | named | {k: plain(v) for k, v in told.items() if v}
 
 
 def process_to_list(process: Process | None) -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ from schuler.types import FloatArray
 _LARGEST = 1e100
 _OUTLIER_SHARE = 0.05
 _OUTLIER_SIGMAS = 10.0
+_LOOKED_AT = 262_144
 
 
 def checked_signal(signal: ArrayLike, fewest: int, *, varying: bool = True) -> FloatArray:
@@ -29,7 +30,7 @@ def checked_signal(signal: ArrayLike, fewest: int, *, varying: bool = True) -> F
             expected=f"at least {fewest}",
             cure="record longer or choose a smaller order",
         )
-    largest = float(np.abs(values).max(initial=0.0))
+    largest = largest_of(values)
     if largest > _LARGEST or 0.0 < largest < 1.0 / _LARGEST:
         raise InputError(
             f"signal with values up to {largest:.3g}",
@@ -45,19 +46,33 @@ def checked_signal(signal: ArrayLike, fewest: int, *, varying: bool = True) -> F
     return values
 
 
+def largest_of(values: FloatArray) -> float:
+    """Largest magnitude, without a copy."""
+    return max(float(values.max()), -float(values.min())) if values.size else 0.0
+
+
 def varies(values: FloatArray) -> bool:
     """Tell whether a signal varies by more than the rounding of its numbers."""
-    largest = float(np.abs(values).max(initial=0.0))
-    return largest > 0.0 and float(np.std(values / largest)) > 1e-13
+    largest = largest_of(values)
+    if largest == 0.0:
+        return False
+    # most signals show it in a few samples; the others are looked at in full
+    some = values[:: max(1, values.size // _LOOKED_AT)] / largest
+    return float(np.std(some)) > 1e-13 or float(np.std(values / largest)) > 1e-13
 
 
-def outlier_flag(residual: FloatArray) -> str:
-    """Say so if one sample carries much of the variance."""
-    squares = residual**2
-    row = int(np.argmax(squares))
-    share = float(squares[row] / max(float(squares.sum()), 1e-300))
-    rest = (float(squares.sum()) - float(squares[row])) / max(residual.size - 1, 1)
-    if share < _OUTLIER_SHARE or squares[row] < _OUTLIER_SIGMAS**2 * rest:
+def outlier_flag(residual: FloatArray, centre: float = 0.0) -> str:
+    """Say so if one sample carries much of the variance about a centre."""
+    row, highest, total = 0, 0.0, 0.0
+    for start in range(0, residual.size, _LOOKED_AT):
+        squares = (residual[start : start + _LOOKED_AT] - centre) ** 2
+        total += float(squares.sum())
+        k = int(np.argmax(squares))
+        if squares[k] > highest:
+            row, highest = start + k, float(squares[k])
+    share = highest / max(total, 1e-300)
+    rest = (total - highest) / max(residual.size - 1, 1)
+    if share < _OUTLIER_SHARE or highest < _OUTLIER_SIGMAS**2 * rest:
         return ""
     return (
         f"outlier: row {row} alone carries {100.0 * share:.0f} % of the variance of the "

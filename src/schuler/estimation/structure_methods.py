@@ -8,8 +8,10 @@ import numpy as np
 
 from schuler.curves.allan import allan_deviation
 from schuler.errors import EstimationError, InputError, SchulerError
-from schuler.estimation.allan_route import identify_signal
+from schuler.estimation.allan_route import identify_prepared
+from schuler.estimation.disturbances.prepare import Prepared
 from schuler.estimation.identification import Identification
+from schuler.estimation.ieee952 import process_parameters
 from schuler.estimation.residuals.diagnostics import (
     ResidualDiagnostics,
     diagnose_residuals,
@@ -22,7 +24,7 @@ from schuler.noise import BiasInstability, Process, ProcessSum, RandomWalk, Whit
 from schuler.types import FloatArray
 
 Model = Any
-_MOST_PREDICTED = 2_000_000
+_MOST_PREDICTED = 500_000
 
 _SHARED_FLAGS = {
     "trend": "the signal is a trend rather than noise: remove it, or model a RateRamp",
@@ -69,10 +71,8 @@ def _innovation_variance(process: Process, dt: float) -> float | None:
 
 def _answer(
     method: str,
-    values: FloatArray,
-    rate: float,
+    ready: Prepared,
     process: Process,
-    parameters: dict[str, float],
     errors: dict[str, float],
     fit: Fit,
     *,
@@ -81,10 +81,17 @@ def _answer(
     limits: dict[str, float] | None = None,
     block: int = 1,
 ) -> MethodIdentification:
+    """An answer in shared words; `errors` has the keys of all that was estimated."""
     words = [_SHARED_FLAGS.get(flag, flag) for flag in flags]
-    outlier = outlier_flag(values - values.mean())
+    outlier = outlier_flag(ready.raw, float(ready.raw.mean()))
     if outlier and method != "gmwm-robust":
         words.append(outlier)
+    values = process_parameters(process)
+    parameters = {key: values[key] for key in errors}
+    diagnostics = process_diagnostics(ready.values, process, ready.rate, block)
+    if ready.steady:
+        process, numbers, sure = ready.with_lines(process)
+        parameters, errors = {**parameters, **numbers}, {**errors, **sure}
     return MethodIdentification(
         method=method,
         process=process,
@@ -92,21 +99,21 @@ def _answer(
         parameters=parameters,
         standard_errors=errors,
         limits=dict(limits or {}),
-        diagnostics=process_diagnostics(values, process, rate, block),
+        diagnostics=diagnostics,
         converged=converged,
-        flags=tuple(words),
+        flags=(*ready.flags(False), *words),
         fit=fit,
+        lines=ready.lines,
+        effects=ready.effects,
     )
 
 
-def by_slopes(
-    values: FloatArray, rate: float, model: Model, shortest: float | None = None
-) -> MethodIdentification:
+def by_slopes(ready: Prepared, model: Model, shortest: float | None = None) -> MethodIdentification:
     """Read N, B and K off straight runs of the Allan deviation (`slope_method`)."""
     _only_auto(model, "slope")
-    curve = allan_deviation(values, rate)
+    curve = allan_deviation(ready.values, ready.rate)
     readings = slope_method(curve)
-    parts, parameters, errors = _of_readings(readings, rate, curve.duration)
+    parts, errors = _of_readings(readings, ready.rate, curve.duration)
     if not parts:
         raise EstimationError(
             "the Allan deviation has no straight run of slope -1/2, 0 or +1/2",
@@ -116,16 +123,13 @@ def by_slopes(
         "errors are those of S004 (15), for clusters that do not overlap; where white noise and "
         "random walk cross, the slope method takes the crossing for bias instability",
     )
-    return _answer(
-        "slope", values, rate, ProcessSum(parts), parameters, errors, readings, flags=flags
-    )
+    return _answer("slope", ready, ProcessSum(parts), errors, readings, flags=flags)
 
 
 def _of_readings(
     readings: SlopeReadings, rate: float, duration: float
-) -> tuple[tuple[Process, ...], dict[str, float], dict[str, float]]:
+) -> tuple[tuple[Process, ...], dict[str, float]]:
     parts: list[Process] = []
-    parameters: dict[str, float] = {}
     errors: dict[str, float] = {}
     named = (
         ("white_noise.density", readings.white_noise),
@@ -135,18 +139,18 @@ def _of_readings(
     for key, reading in named:
         if reading is None:
             continue
-        parameters[key], errors[key] = reading.value, reading.value * reading.relative_error
+        errors[key] = reading.value * reading.relative_error
         if key.startswith("white"):
             parts.append(WhiteNoise(reading.value))
         elif key.startswith("bias"):
             parts.append(BiasInstability.of_samples(reading.value, 1.0 / rate, duration))
         else:
             parts.append(RandomWalk(reading.value))
-    return tuple(parts), parameters, errors
+    return tuple(parts), errors
 
 
 def _only_auto(model: Model, method: str) -> None:
-    if isinstance(model, Process) or model == "classical":
+    if model != "auto":
         raise InputError(
             f"a model for method '{method}'",
             expected="'auto'",
@@ -155,16 +159,16 @@ def _only_auto(model: Model, method: str) -> None:
 
 
 def by_spectrum(
-    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+    ready: Prepared, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the power spectral density (`identify_spectrum`)."""
     from schuler.estimation.spectrum.fit import identify_spectrum
 
-    block = 1 if shortest is None else max(round(shortest * rate), 1)
-    highest = 0.5 * rate / block
+    block = 1 if shortest is None else max(round(shortest * ready.rate), 1)
+    highest = 0.5 * ready.rate / block
     if isinstance(model, str):
         # a spectrum alone cannot tell a slow Gauss-Markov noise from a walk
-        chosen = identify_signal(values, rate, model).process.parts
+        chosen = identify_prepared(ready, model).process.parts
         random = tuple(p for p in chosen if p.random)
         if not random:
             raise EstimationError(
@@ -173,13 +177,12 @@ def by_spectrum(
                 cure="use method 'allan', which fits drifts",
             )
         model = ProcessSum(random)
-    fit = identify_spectrum(values, rate, model, band=None if block == 1 else (0.0, highest))
+    band = None if block == 1 else (0.0, highest)
+    fit = identify_spectrum(ready.values, ready.rate, model, band=band)
     return _answer(
         "psd",
-        values,
-        rate,
+        ready,
         fit.process,
-        fit.parameters,
         fit.standard_errors,
         fit,
         converged=fit.converged,
@@ -189,31 +192,28 @@ def by_spectrum(
 
 
 def by_autocorrelation(
-    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+    ready: Prepared, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit white and one Gauss-Markov noise to the autocorrelation (`fit_gauss_markov`)."""
     from schuler.curves.autocorrelation import autocorrelation
     from schuler.estimation.gauss_markov_correlation import fit_gauss_markov
 
     _only_auto(model, "autocorrelation")
-    fit = fit_gauss_markov(autocorrelation(values, rate))
-    parameters = fit.process.parameters
+    fit = fit_gauss_markov(autocorrelation(ready.values, ready.rate))
     errors = {
         "gauss_markov.sigma": fit.standard_errors["sigma"],
         "gauss_markov.correlation_time": fit.standard_errors["correlation_time"],
     }
-    density = parameters.get("white_noise.density")
+    density = process_parameters(fit.process).get("white_noise.density")
     if density:
         # N² = variance/rate
         errors["white_noise.density"] = fit.standard_errors["white_variance"] / (
-            2.0 * rate * density
+            2.0 * ready.rate * density
         )
     return _answer(
         "autocorrelation",
-        values,
-        rate,
+        ready,
         fit.process,
-        parameters,
         errors,
         fit,
         converged="not converged" not in fit.flags,
@@ -222,50 +222,53 @@ def by_autocorrelation(
 
 
 def by_wavelet_moments(
-    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+    ready: Prepared, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the wavelet variance (`fit_gmwm`)."""
-    from schuler.estimation.gmwm.fit import fit_gmwm
-
-    return _of_identification("gmwm", values, rate, fit_gmwm(values, rate, model))
+    return _by_moments("gmwm", ready, model, False)
 
 
 def by_robust_wavelet_moments(
-    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+    ready: Prepared, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Fit the robust wavelet variance (`fit_gmwm`)."""
+    return _by_moments("gmwm-robust", ready, model, True)
+
+
+def _by_moments(method: str, ready: Prepared, model: Model, robust: bool) -> MethodIdentification:
     from schuler.estimation.gmwm.fit import fit_gmwm
 
-    return _of_identification("gmwm-robust", values, rate, fit_gmwm(values, rate, model, True))
+    fit = fit_gmwm(ready.values, ready.rate, model, robust)
+    believed = ready.believed(fit.process, model)
+    if believed is not None:
+        fit = fit_gmwm(ready.values, ready.rate, believed, robust)
+    return _of_identification(method, ready, fit)
 
 
 def by_likelihood(
-    values: FloatArray, rate: float, model: Model, shortest: float | None = None
+    ready: Prepared, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
     """Maximise the likelihood (`fit_maximum_likelihood`)."""
     from schuler.estimation.maximum_likelihood import fit_maximum_likelihood
 
-    block = 1 if shortest is None else max(round(shortest * rate), 1)
-    fit = fit_maximum_likelihood(values, rate, model, block)
-    return _of_identification("ml", values, rate, fit, block)
+    block = 1 if shortest is None else max(round(shortest * ready.rate), 1)
+    fit = fit_maximum_likelihood(ready.values, ready.rate, model, block)
+    return _of_identification("ml", ready, fit, block)
 
 
 def _of_identification(
-    method: str, values: FloatArray, rate: float, fit: Identification, block: int | None = None
+    method: str, ready: Prepared, fit: Identification, block: int | None = None
 ) -> MethodIdentification:
-    flags: tuple[str, ...] = getattr(fit, "flags", ())
     return _answer(
         method,
-        values,
-        rate,
+        ready,
         fit.process,
-        fit.parameters,
         fit.standard_errors,
         fit,
         converged=fit.diagnostics.converged,
-        flags=flags,
+        flags=fit.flags,
         limits=fit.limits,
-        block=fastest_block(fit, rate) if block is None else block,
+        block=fastest_block(fit, ready.rate) if block is None else block,
     )
 
 

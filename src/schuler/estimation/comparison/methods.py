@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from schuler.curves.allan import allan_deviation
 from schuler.curves.allan_curve import AllanCurve
+from schuler.curves.finite_signal import checked_rate
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
 from schuler.data.imu import ImuRecording
 from schuler.data.to_dict import ToDict, plain
@@ -27,9 +28,11 @@ from schuler.estimation.comparison.parameters import (
     compare_parameters,
     shared_structure,
 )
+from schuler.estimation.disturbances.prepare import has_lines, prepared
 from schuler.estimation.identification import Identification
-from schuler.estimation.identify import METHODS, STRUCTURAL, identify
+from schuler.estimation.identify import METHODS, STRUCTURAL, identify, identify_structure
 from schuler.estimation.innovation_floor import innovation_variance_of_signal
+from schuler.estimation.parts import checked_model
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.series_methods import ArGarchFit
@@ -188,6 +191,7 @@ def compare_methods(
     *,
     model: str | Process = "shared",
     name: str = "",
+    columns: Mapping[str, ArrayLike] | None = None,
     told: Callable[[str], None] | None = None,
 ) -> MethodComparison:
     """Put several methods to one signal and lay their answers side by side.
@@ -205,6 +209,8 @@ def compare_methods(
         the same, so that parameters mean the same; "auto": each chooses for itself.
     name : str
         Of the signal, such as "gyro_x": findings then speak in datasheet units.
+    columns : mapping of str to (n,) array_like, optional
+        As for `identify`, for all methods whose answer is a sum of processes.
     told : callable, optional
         Is told the method that is at work.
 
@@ -229,7 +235,9 @@ def compare_methods(
     ['allan', 'slope']
     """
     wanted = _checked(methods)
-    values = checked_signal(signal, _FEWEST)
+    values, rate = checked_signal(signal, _FEWEST), checked_rate(rate)
+    model = model if model == "shared" else checked_model(model)
+    ready = prepared(values, rate, columns, lines=not has_lines(model))
     results: dict[str, Result] = {}
     failures: dict[str, str] = {}
     shared: Process | None = None
@@ -246,22 +254,24 @@ def compare_methods(
         elif model == "shared":
             use = shared_structure(shared, method) or "auto"
         try:
-            results[method] = identify(
-                values, rate, use, method=method, shortest=shortest if method in _BANDED else None
-            )
+            if method in STRUCTURAL:
+                banded = shortest if method in _BANDED else None
+                results[method] = identify_structure(ready, use, method, banded)
+            else:
+                results[method] = identify(values, rate, use, method=method)
         except SchulerError as error:
             failures[method] = str(error)
             continue
         if shortest is None:
             shortest = _shortest_time(results[method])
         if method in _FIT_A_MODEL and shared is None and model == "shared":
-            shared = results[method].process
+            shared = ready.without_lines(results[method].process)
             structure = f"chosen by method '{method}', the same for all that fit a structure"
     if not results:
         raise EstimationError(
             "no method has an answer: " + "; ".join(f"{m}: {t}" for m, t in failures.items())
         )
-    return _described(values, float(rate), name, results, failures, structure)
+    return _described(values, rate, name, results, failures, structure)
 
 
 def _shortest_time(result: Result) -> float | None:
@@ -381,6 +391,7 @@ def compare_methods_imu(
         As from `compare_methods`, with the channel named.
     """
     wanted = _checked(methods)
+    columns = {} if imu.temperature is None else {"temperature": imu.temperature}
     channels: dict[str, MethodComparison] = {}
     if not imu.channels:
         raise EstimationError(f"recording '{imu.name}' has no channel", expected="at least one")
@@ -396,7 +407,13 @@ def compare_methods_imu(
 
         try:
             channels[channel] = compare_methods(
-                imu.channel(channel), imu.rate, wanted, model=model, name=channel, told=say
+                imu.channel(channel),
+                imu.rate,
+                wanted,
+                model=model,
+                name=channel,
+                columns=columns,
+                told=say,
             )
         except SchulerError as error:
             raise error.at(f"{imu.name}, {channel}") from None

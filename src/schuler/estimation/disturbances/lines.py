@@ -82,11 +82,6 @@ class WithoutLines:
     signal: FloatArray
     lines: tuple[Line, ...]
 
-    @property
-    def filled(self) -> bool:
-        """Whether a band was refilled: quantisation that is found then is not to be believed."""
-        return any(not line.steady for line in self.lines)
-
 
 def without_lines(signal: FloatArray, rate: float) -> WithoutLines:
     """Find lines and take them out, the strongest first, until none is left."""

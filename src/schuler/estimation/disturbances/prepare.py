@@ -1,11 +1,18 @@
-"""A signal as a fit should see it: without its lines, and by a route that outliers cannot sway."""
+"""A signal as a fit should see it: less what follows its columns and its lines, outliers judged."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from schuler.estimation.disturbances.covariates import without_covariates
 from schuler.estimation.disturbances.lines import Line, without_lines
 from schuler.estimation.disturbances.outliers import Contamination, contamination
+from schuler.noise import Process, ProcessSum, Quantization, Sinusoid
+from schuler.noise.effects import Effect
 from schuler.types import FloatArray
 
 
@@ -15,22 +22,47 @@ class Prepared:
 
     Parameters
     ----------
+    raw : (n,) ndarray
+        As recorded.
+    followed : (n,) ndarray
+        Less what follows its columns.
     values : (n,) ndarray
-        Lines taken out.
+        Less its lines too.
+    rate : float
+        Samples a second.
     lines : tuple of Line
         What was taken out.
+    effects : tuple of Effect
+        What follows a column, taken out.
     contamination : Contamination
         How far outliers reach.
+    notes : tuple of str
+        What could not be used, and why.
     """
 
+    raw: FloatArray
+    followed: FloatArray
     values: FloatArray
+    rate: float
     lines: tuple[Line, ...]
+    effects: tuple[Effect, ...]
     contamination: Contamination
+    notes: tuple[str, ...]
 
     @property
     def robust(self) -> bool:
         """Whether a robust estimate is called for."""
         return self.contamination.serious
+
+    @property
+    def filled(self) -> bool:
+        """Whether the band of a wandering line was filled with noise."""
+        return any(not line.steady for line in self.lines)
+
+    @property
+    def steady(self) -> tuple[Line, ...]:
+        """Lines that are one sinusoid."""
+        return tuple(line for line in self.lines if line.steady)
 
     def flags(self, robustly: bool) -> tuple[str, ...]:
         """What was done to the signal, in plain words."""
@@ -46,16 +78,65 @@ class Prepared:
             "was taken out before the fit"
             for line in self.lines
         ]
-        if any(not line.steady for line in self.lines):
+        if self.filled:
             said.append("its band was filled with noise: do not believe a quantisation term")
-        return tuple(said)
+        said += [
+            f"it follows the {e.words} by {e.coefficient:.4g} ± {e.standard_error:.2g} (SI), which "
+            "was taken off before the fit"
+            for e in self.effects
+        ]
+        return (*said, *self.notes)
+
+    def believed(self, process: ProcessSum, model: str | Process) -> ProcessSum | None:
+        """What of a chosen sum to fit again where quantisation must not be believed."""
+        if model != "auto" or not self.filled:
+            return None
+        # what fills a band is not quite what was there: its edges look like quantisation
+        kept = tuple(p for p in process.parts if not isinstance(p, Quantization))
+        return ProcessSum(kept) if 0 < len(kept) < len(process.parts) else None
+
+    def without_lines(self, process: Process | None) -> ProcessSum | None:
+        """The structure for another method: what was taken out is not in the values."""
+        if process is None:
+            return None
+        kept = [p for p in process.components if not (self.steady and isinstance(p, Sinusoid))]
+        return ProcessSum(tuple(kept))
+
+    def with_lines(self, process: Process) -> tuple[ProcessSum, dict[str, float], dict[str, float]]:
+        """Add steady lines to a process as sinusoids: the sum, their numbers and their errors."""
+        before = process.components
+        sum_ = ProcessSum((*before, *(Sinusoid(a.amplitude, a.frequency) for a in self.steady)))
+        numbers, errors = {}, {}
+        for name, line in zip(sum_.names[len(before) :], self.steady, strict=True):
+            numbers[f"{name}.amplitude"] = line.amplitude
+            numbers[f"{name}.frequency"] = line.frequency
+            errors[f"{name}.amplitude"] = line.amplitude_error
+            errors[f"{name}.frequency"] = line.frequency_error
+        return sum_, numbers, errors
 
 
-def prepared(values: FloatArray, rate: float) -> Prepared:
-    """Take out lines, and tell whether outliers decide."""
-    seen = contamination(values)
-    if seen.serious:
+def has_lines(model: str | Process) -> bool:
+    """Whether a given model has sinusoids of its own: lines are then left to it."""
+    return isinstance(model, Process) and any(isinstance(p, Sinusoid) for p in model.components)
+
+
+def prepared(
+    signal: FloatArray,
+    rate: float,
+    columns: Mapping[str, ArrayLike] | None = None,
+    *,
+    lines: bool = True,
+) -> Prepared:
+    """Take off what follows the columns, then lines, and tell whether outliers decide."""
+    signal = np.asarray(signal, dtype=np.float64)
+    regression = without_covariates(signal, rate, columns or {})
+    followed = values = regression.signal
+    taken: tuple[Line, ...] = ()
+    seen = contamination(followed)
+    if lines and not seen.serious:
         # outliers hide lines, and a sinusoid fitted to them would be wrong
-        return Prepared(values, (), seen)
-    found = without_lines(values, rate)
-    return Prepared(found.signal, found.lines, seen)
+        found = without_lines(followed, rate)
+        values, taken = found.signal, found.lines
+    return Prepared(
+        signal, followed, values, rate, taken, regression.effects, seen, regression.flags
+    )
