@@ -52,6 +52,7 @@ _UNITS: dict[str, tuple[float, Dimension]] = {
     "MHz": (1e6, FREQUENCY),
     "m": (1.0, LENGTH),
     "ft": (0.3048, LENGTH),
+    "kn": (1852.0 / 3600.0, SPEED),
     "g": (STANDARD_GRAVITY, ACCELERATION),
     "gal": (0.01, ACCELERATION),
     "ppm": (1e-6, NONE),
@@ -86,6 +87,10 @@ _SYNONYMS = {
     "gn": "g",
     "gs": "g",
     "turn": "rev",
+    "kt": "kn",
+    "kts": "kn",
+    "knot": "kn",
+    "knots": "kn",
     "millisecond": "ms",
     "milliseconds": "ms",
     "microsecond": "us",
@@ -114,6 +119,10 @@ _TOKEN = re.compile(
 )
 
 
+def _per_second(match: re.Match[str]) -> str:
+    return f"{match[1]}/s" + ("^2" if match[2] else "")
+
+
 def _tidy(unit: str) -> str:
     """Bring the many spellings down to one."""
     text = re.sub(r"[⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺]+", lambda m: "^" + m[0].translate(_SUPERSCRIPTS), unit)
@@ -122,6 +131,10 @@ def _tidy(unit: str) -> str:
     text = re.sub(r"(?i)\b(?:rt|root|sqrt)[-\s]*(?=[A-Za-z(])", " sqrt ", text)
     text = re.sub(r"(?i)\brt(?=hz\b|hr\b|h\b|s\b)", " sqrt ", text)
     text = re.sub(r"(?i)\bper\b", "/", text)
+    # Shorthand of column names: mps2 is m/s^2, radps rad/s; a newton per kilogram is m/s^2.
+    text = re.sub(r"(?i)^(m|cm|mm|km|ft|u?m?rad|deg)ps(?:\^?([s2]))?$", _per_second, text)
+    text = re.sub(r"(?i)^N/kg$", "m/s^2", text)
+    text = re.sub(r"(?i)^(?:1/s|s\^?-1)$", "rad/s", text)
     # Column names cannot hold a slash: rad_s, m_s2, deg_per_s.
     return re.sub(r"(?i)_+(?:per_+|/_*)?", "/", text)
 

@@ -69,7 +69,7 @@ def test_npz_arrays_of_three_columns(tmp_path: Path) -> None:
     assert back.rate == pytest.approx(200.0)
     assert back.gyro == pytest.approx(imu.gyro * DEG, rel=1e-14)
     assert back.accel == pytest.approx(imu.accel * 9.80665, rel=1e-14)
-    lla = np.column_stack([np.linspace(1, 1.5, 9), np.linspace(3, 4, 9), np.zeros(9)])
+    lla = np.column_stack([np.linspace(1, 1.5, 9), np.linspace(2, 3, 9), np.zeros(9)])
     ned = np.arange(27.0).reshape(9, 3)
     np.savez(
         tmp_path / "c.npz", t=np.arange(9.0), position_rad=lla, velocity=ned, position_sd=ned + 1

@@ -70,7 +70,7 @@ def gnss_recording(source: Source, options: ReadOptions) -> GnssRecording:
     columns = source.load(tuple(dict.fromkeys(c.name for c in chosen.values())))
     table = _Table(source, chosen, columns)
     notes = table.notes
-    position = _position(table, options)
+    position = _signed(table, _position(table, options))
     time = _time(table, position.shape[0], options)
     time = shifted(time, options.time_offset, notes)
     velocity, velocity_sd = _velocity(table, options)
@@ -175,6 +175,25 @@ def _angles(table: _Table, options: ReadOptions) -> tuple[FloatArray, FloatArray
         )
     pair = [table.values(r, "angle", "deg", None) for r in ("latitude", "longitude")]
     return pair[0], pair[1], False
+
+
+def _signed(table: _Table, position: FloatArray) -> FloatArray:
+    """Apply hemispheres that stand in columns of their own (N or S, E or W)."""
+    if not table.has(*_POSITIONS[0]):
+        return position
+    signed = position.copy()
+    texts = [n for n in table.source.names if table.source.is_text(n)]
+    for name, letters in table.source.load(tuple(texts)).items() if texts else ():
+        letters = np.char.upper(np.char.strip(letters.astype(str)))
+        there = set(np.unique(letters)) - {""}
+        for k, (plus, minus) in enumerate((("N", "S"), ("E", "W"))):
+            if there and there <= {plus, minus}:
+                size = np.abs(position[:, k])
+                signed[:, k] = np.where(letters == minus, -size, size)
+                table.notes.did(f"hemisphere from '{name}'")
+    turned = np.abs(signed[:, 1]) > np.pi
+    signed[turned, 1] = np.remainder(signed[turned, 1] + np.pi, 2.0 * np.pi) - np.pi
+    return signed
 
 
 def _height(table: _Table, scaled: bool) -> FloatArray:

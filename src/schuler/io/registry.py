@@ -10,6 +10,7 @@ from typing import Any
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What
 from schuler.io.source import Source, existing_file
+from schuler.io.tables.foreign import refuse_foreign
 from schuler.plugins import plugins
 
 GROUP = "schuler.formats"
@@ -108,6 +109,7 @@ def format_of(path: Path) -> Format:
             raise _broken(one, f"failed to recognise a file ({type(error).__name__}: {error})",
                           "detect to take a Start and return True or False") from error  # fmt: skip
     _refuse_false_name(path)
+    refuse_foreign(path, start.bytes)
     raise InputError(
         "the file is not text and not of a known format",
         expected=f"one of: {', '.join(f.title for f in _readers())}",

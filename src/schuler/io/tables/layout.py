@@ -21,6 +21,7 @@ from schuler.io.tables.fields import (
     split_all,
     stated_rate,
 )
+from schuler.io.tables.foreign import refuse_foreign
 
 _COMMENTS = ("#", "%", "//")
 _LOOKED_AT = 40  # rows by which columns are judged
@@ -89,6 +90,7 @@ def find_layout(content: Content, options: TextOptions) -> Layout:
 def head(content: Content) -> list[str]:
     """Return the first lines of a text file."""
     data, more = content.head()
+    refuse_foreign(content.path, data)
     if b"\0" in data:
         raise InputError(
             "the file is not text and not of a known format",

@@ -11,6 +11,7 @@ from schuler.errors import InputError
 from schuler.io.columns import bare, split_unit
 from schuler.io.format import Format, What
 from schuler.io.source import Columns, MemorySource
+from schuler.io.tables.foreign import refuse_foreign
 from schuler.io.tables.numbers import RATE_NAMES, positive_rate, seconds_of_nanoseconds
 
 if TYPE_CHECKING:
@@ -23,7 +24,11 @@ def open_npz(path: Path, what: What, options: ReadOptions) -> MemorySource:
     rate = None
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            if not all(m.endswith(".npy") for m in archive.zip.namelist()):
+                refuse_foreign(path, b"PK\x03\x04")
             arrays = {name: archive[name] for name in archive.files}
+    except InputError:
+        raise
     except ValueError as error:
         if "allow_pickle" in str(error) or "object" in str(error).lower():
             raise InputError(

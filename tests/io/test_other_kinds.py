@@ -1,0 +1,79 @@
+"""Files of other kinds are named; hemispheres, longitudes and shorthand units are read right."""
+
+from __future__ import annotations
+
+import gzip
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from schuler import read_gnss, read_imu, units
+from schuler.errors import InputError
+
+TABLE = "time_s,gx,gy,gz,ax,ay,az\n" + "".join(f"{k / 100},0.1,0.2,0.3,0,0,9.8\n" for k in range(9))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.csv.gz", gzip.compress(TABLE.encode()), "gzip"),
+        ("a.csv", b"<!DOCTYPE html>\n<html><body>404</body></html>\n", "HTML"),
+        ("a.gpx", b'<?xml version="1.0"?><gpx></gpx>\n', "XML"),
+        ("a.pdf", b"%PDF-1.7\n\0\0\0", "PDF"),
+        ("a.xls", b"\xd0\xcf\x11\xe0" + b"\0" * 99, "Excel"),
+    ],
+)
+def test_a_file_of_another_kind_is_named(
+    tmp_path: Path, name: str, content: bytes, said: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=said):
+        read_imu(path)
+
+
+def test_an_archive_that_holds_no_arrays_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "log.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("imu.csv", TABLE)
+    with pytest.raises(InputError, match="ZIP archive"):
+        read_imu(path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "value"),
+    [
+        ("mps2", "acceleration", 1.0),
+        ("cmps2", "acceleration", 0.01),
+        ("radps", "angular rate", 1.0),
+        ("degps", "angular rate", np.pi / 180.0),
+        ("1/s", "angular rate", 1.0),
+        ("N/kg", "acceleration", 1.0),
+        ("mps", "velocity", 1.0),
+        ("kn", "velocity", 1852.0 / 3600.0),
+    ],
+)
+def test_shorthand_of_column_names(unit: str, kind: str, value: float) -> None:
+    assert units.parse(f"1 {unit}", kind) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize(("ns", "ew", "signs"), [("N", "E", (1, 1)), ("S", "W", (-1, -1))])
+def test_hemispheres_in_columns_of_their_own(
+    tmp_path: Path, ns: str, ew: str, signs: tuple[int, int]
+) -> None:
+    path = tmp_path / "gnss.csv"
+    rows = [f"{k},{48.1 + 1e-6 * k},{ns},{11.5},{ew},520" for k in range(9)]
+    path.write_text("\n".join(["time_s,lat_deg,ns,lon_deg,ew,height_m", *rows]))
+    found = read_gnss(path)
+    assert np.degrees(found.position[0, :2]) == pytest.approx((48.1 * signs[0], 11.5 * signs[1]))
+    assert "hemisphere from 'ns'" in found.history
+
+
+def test_longitudes_up_to_360_degrees(tmp_path: Path) -> None:
+    path = tmp_path / "gnss.csv"
+    rows = [f"{k},48.1,{lon},520" for k, lon in enumerate((359.99, 359.995, 0.0, 0.005))]
+    path.write_text("\n".join(["time_s,lat_deg,lon_deg,height_m", *rows]))
+    found = np.degrees(read_gnss(path).position[:, 1])
+    assert found == pytest.approx((-0.01, -0.005, 0.0, 0.005), abs=1e-9)
