@@ -302,3 +302,24 @@ def test_real_gyro_agrees_with_moments(data_folder: object) -> None:
         apart = math.log(moments.parameters[key] / value)
         error = moments.standard_errors[key] / moments.parameters[key]
         assert abs(apart) < 2.0 * error, key
+
+
+def test_the_unit_of_the_signal_decides_nothing() -> None:
+    truth = WhiteNoise(1e-3) + GaussMarkov(5e-3, 3.0)
+    x = truth.simulate(20_000, 0.01, np.random.default_rng(3))
+    one, other = (fit_maximum_likelihood(s * x, 100.0) for s in (1.0, 1e12))
+    scaled = {k: v if "time" in k else v * 1e12 for k, v in one.parameters.items()}
+    assert other.parameters == pytest.approx(scaled, rel=1e-6)
+    # a density in another unit: the first value has none, its level being unknown
+    shift = (x.size - 1) * math.log(1e12)
+    assert other.log_likelihood == pytest.approx(one.log_likelihood - shift, abs=1e-5)
+
+
+def test_errors_carry_the_misfit() -> None:
+    # white noise alone is wrong, and says so
+    truth = WhiteNoise(1e-3) + GaussMarkov(5e-3, 3.0)
+    x = truth.simulate(20_000, 0.01, np.random.default_rng(4))
+    alone = fit_maximum_likelihood(x, 100.0, WhiteNoise(1.0))
+    known = alone.parameters["white_noise.density"] / math.sqrt(2.0 * x.size)
+    assert alone.standard_errors["white_noise.density"] > 3.0 * known
+    assert any("errors were widened" in flag for flag in alone.flags)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from schuler.data._checks import check_finite
 from schuler.errors import EstimationError, InputError
+from schuler.estimation.products import dot
 from schuler.types import FloatArray
 
 _LARGEST = 1e100
@@ -145,7 +146,7 @@ def prepare(signal: ArrayLike, *, fewest: int, remove_mean: bool = True) -> Seri
     mean = low + float(np.mean(data - low))
     offset = mean if remove_mean else 0.0
     values = data - offset
-    spread = math.sqrt(float(values @ values) / values.size)
+    spread = math.sqrt(dot(values, values) / values.size)
     scale = 2.0 ** round(math.log2(spread))
     values /= scale
     return Series(values, offset, scale, mean, (_EPS * largest / scale) ** 2 / 12.0)

@@ -31,6 +31,20 @@ def zeros_of(theta: Sequence[float] | FloatArray) -> NDArray[np.complex128]:
     return poles_of(-np.asarray(theta, dtype=np.float64))
 
 
+def within(phi: FloatArray | Sequence[float], limit: float = 1.0) -> bool:
+    """Whether all poles lie within a circle, by Schur and Cohn: no reflection reaches one.
+
+    Much cheaper than the poles themselves, and asked at every step of a search.
+    """
+    rest = [-float(c) / limit**k for k, c in enumerate(phi, 1)]
+    while rest:
+        last = rest.pop()
+        if not abs(last) < 1.0:
+            return False
+        rest = [(c - last * d) / (1.0 - last * last) for c, d in zip(rest, rest[::-1], strict=True)]
+    return True
+
+
 def harvey_form(phi: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Coefficients padded to s = max(p, q + 1) states: phi and (1, theta)."""
     s = max(phi.size, theta.size + 1)

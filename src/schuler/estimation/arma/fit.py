@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from schuler.types import FloatArray
 __all__ = ["ArmaCandidate", "ArmaFit", "fit_arma"]
 
 ErrorKind = Literal["outer_product", "information", "robust"]
+Mean = Literal["ml", "sample", "zero"]
 
 CONVERGED = 1e-6
 """Squared distance to the maximum, in standard errors, up to which a fit counts as converged."""
@@ -31,7 +32,13 @@ _FORESEEN = 1e-26
 
 
 def fit_arma(
-    signal: ArrayLike, p: int, q: int, *, rate: float = 1.0, errors: ErrorKind = "outer_product"
+    signal: ArrayLike,
+    p: int,
+    q: int,
+    *,
+    rate: float = 1.0,
+    errors: ErrorKind = "outer_product",
+    mean: Mean = "ml",
 ) -> ArmaFit:
     """Fit an ARMA(p, q) with a mean by exact Gaussian maximum likelihood.
 
@@ -47,6 +54,8 @@ def fit_arma(
         Where standard errors come from: the outer product of the scores, the expected
         information, or the sandwich of both, which alone is right when the variance of the
         innovations changes with time. The sandwich is always in `robust_standard_errors`.
+    mean : {"ml", "sample", "zero"}
+        Estimated with the coefficients, taken off beforehand, or known to be zero.
 
     Returns
     -------
@@ -77,10 +86,16 @@ def fit_arma(
     """
     check_orders(p, q)
     values = checked_signal(signal, 10 + 5 * (p + q))
+    if mean not in get_args(Mean):
+        raise InputError(f"mean '{mean}'", expected="'ml', 'sample' or 'zero'")
     centre, scale = float(values.mean()), float(values.std())
+    if mean == "zero":
+        centre, scale = 0.0, math.hypot(scale, centre)
     unit = (values - centre) / scale
-    best = search(unit, p, q)
-    return finish(unit, best, p, centre, scale, rate, errors, _cancelling(unit, best, p))
+    best = search(unit, p, q, known_mean=mean != "ml")
+    return finish(
+        unit, best, p, centre, scale, rate, errors, _cancelling(unit, best, p), zero=mean == "zero"
+    )
 
 
 def check_orders(p: int, q: int) -> None:
@@ -99,6 +114,8 @@ def finish(
     errors: ErrorKind,
     warnings: tuple[str, ...] = (),
     candidates: tuple[ArmaCandidate, ...] = (),
+    *,
+    zero: bool = False,
 ) -> ArmaFit:
     """Turn the maximum of a scaled signal into estimates with errors, tests and flags."""
     n, k = unit.size, best.coefficients.size
@@ -112,7 +129,9 @@ def finish(
             expected="noise",
             cure="take off the ramp, step or sinusoid that it is",
         )
-    covariances, singular = _covariances(information, outer)
+    first = 1 if zero else 0
+    covariances, singular = _covariances(information[first:, first:], outer[first:, first:])
+    covariances = {name: np.pad(c, (first, 0)) for name, c in covariances.items()}
     if errors not in covariances:
         raise InputError(f"errors '{errors}'", expected=f"one of {', '.join(covariances)}")
     back = np.concatenate([[scale], np.ones(k), [scale**2]])
@@ -136,8 +155,8 @@ def finish(
         t_values={},
         p_values={},
         log_likelihood=value,
-        aic=2.0 * (k + 2) - 2.0 * value,
-        bic=math.log(n) * (k + 2) - 2.0 * value,
+        aic=2.0 * (k + 2 - first) - 2.0 * value,
+        bic=math.log(n) * (k + 2 - first) - 2.0 * value,
         samples=n,
         rate=rate,
         converged=_converged(best, p, n) and not singular,
@@ -146,7 +165,7 @@ def finish(
         candidates=candidates,
     )
     for key, estimate in fit.values.items():
-        if key != "innovation_variance":
+        if key != "innovation_variance" and not (zero and key in ("mean", "constant")):
             t = estimate / standard_errors[key]
             fit.t_values[key] = t
             fit.p_values[key] = math.erfc(abs(t) / math.sqrt(2.0))
@@ -261,7 +280,7 @@ def _cancelling(unit: FloatArray, best: Climb, p: int) -> tuple[str, ...]:
     if distance > COMMON_FACTOR:
         return ()
     q = best.coefficients.size - p
-    smaller = search(unit, p - 1, q - 1, rough=True)
+    smaller = search(unit, p - 1, q - 1, rough=True, known_mean=best.at.known_mean)
     if not is_common_factor(distance, best.at, smaller.at):
         return ()
     return (

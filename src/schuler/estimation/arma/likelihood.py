@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schuler.noise.arma import harvey_form, poles_of, stationary_covariance, zeros_of
+from schuler.estimation.products import by_rows, dot, gram
+from schuler.noise.arma import harvey_form, stationary_covariance, within
 from schuler.types import FloatArray
 
 EDGE = 1e-7
@@ -27,11 +28,14 @@ class Likelihood:
         Mean by generalised least squares.
     variance : float
         Innovation variance.
+    known_mean : bool
+        The mean is zero and was not estimated.
     """
 
     value: float
     mean: float
     variance: float
+    known_mean: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,22 +57,22 @@ def admissible(coefficients: FloatArray, p: int) -> bool:
     if not np.isfinite(coefficients).all():
         return False
     phi, theta = split(coefficients, p)
-    if phi.size and abs(poles_of(phi)[0]) > 1.0 - EDGE:
-        return False
-    return not (theta.size and abs(zeros_of(theta)[0]) > 1.0 - EDGE)
+    return within(phi, 1.0 - EDGE) and within(-theta, 1.0 - EDGE)
 
 
-def likelihood(signal: FloatArray, coefficients: FloatArray, p: int) -> Likelihood:
-    """Evaluate the exact likelihood, mean and innovation variance being the best ones."""
+def likelihood(
+    signal: FloatArray, coefficients: FloatArray, p: int, known_mean: bool = False
+) -> Likelihood:
+    """Evaluate the exact likelihood; innovation variance, and mean unless known, the best ones."""
     from schuler.kernels.noise.arma import exact_innovations
 
     padded, gain = harvey_form(*split(coefficients, p))
     covariance = stationary_covariance(padded, gain)
     uu, uo, oo, logs = exact_innovations(signal, padded, gain, covariance, _NONE, _NONE, _NONE)
-    mean = uo / oo
+    mean = 0.0 if known_mean else uo / oo
     variance = max(uu - uo * mean, 1e-300) / signal.size
     value = -0.5 * (signal.size * (math.log(2.0 * math.pi * variance) + 1.0) + logs)
-    return Likelihood(value, mean, variance)
+    return Likelihood(value, mean, variance, known_mean)
 
 
 def innovations(signal: FloatArray, coefficients: FloatArray, p: int) -> Innovations:
@@ -103,7 +107,7 @@ def approximate_slope(
     def product(a: FloatArray, i: int, b: FloatArray, j: int) -> float:
         """Sum of a(t-i) b(t-j)."""
         low = max(i, j)
-        return float(np.dot(a[low - i : n - i], b[low - j : n - j]))
+        return dot(a[low - i : n - i], b[low - j : n - j])
 
     gradient = np.empty(p + q)
     information = np.empty((p + q, p + q))
@@ -129,10 +133,10 @@ def exact_slope(
     here = innovations(centred, coefficients, p)
     slopes, jumps = _derivatives(centred, coefficients, p, here)
     drift = jumps.sum(axis=1)[1:]
-    gradient = -(slopes[1:] @ here.residual) / at.variance - 0.5 * drift
-    products = slopes @ slopes.T / at.variance + 0.5 * jumps @ jumps.T
+    gradient = -by_rows(slopes[1:], here.residual) / at.variance - 0.5 * drift
+    products = gram(slopes) / at.variance + 0.5 * gram(jumps)
     # what the mean and the variance can explain does not count
-    by_mean = np.outer(products[0, 1:], products[0, 1:]) / products[0, 0]
+    by_mean = 0.0 if at.known_mean else np.outer(products[0, 1:], products[0, 1:]) / products[0, 0]
     by_variance = np.outer(drift, drift) * (0.5 / signal.size)
     return gradient, products[1:, 1:] - by_mean - by_variance
 
@@ -167,10 +171,10 @@ def scores(
     sample[-1] *= 0.5 / at.variance**2
     sample[-1] -= 0.5 / at.variance
     information = np.zeros((k + 2, k + 2))
-    information[:-1, :-1] = slopes @ slopes.T / at.variance + 0.5 * jumps @ jumps.T
+    information[:-1, :-1] = gram(slopes) / at.variance + 0.5 * gram(jumps)
     information[-1, -1] = 0.5 * n / at.variance**2
     information[-1, :-1] = information[:-1, -1] = 0.5 * jumps.sum(axis=1) / at.variance
-    return sample.sum(axis=1), information, sample @ sample.T
+    return sample.sum(axis=1), information, gram(sample)
 
 
 def _derivatives(

@@ -16,7 +16,8 @@ from schuler.estimation.arma.likelihood import (
     likelihood,
 )
 from schuler.estimation.optimizer import LADDER, damped_step
-from schuler.noise.arma import poles_of
+from schuler.estimation.products import by_rows, dot, gram
+from schuler.noise.arma import poles_of, within
 from schuler.types import FloatArray
 
 SEGMENT = 16_000
@@ -53,10 +54,16 @@ class Climb:
 
 
 def climb(
-    signal: FloatArray, start: FloatArray, p: int, *, rough: bool = False, steps: int = 60
+    signal: FloatArray,
+    start: FloatArray,
+    p: int,
+    *,
+    rough: bool = False,
+    steps: int = 60,
+    known_mean: bool = False,
 ) -> Climb:
     """Follow damped Gauss-Newton steps uphill; every step is judged by the exact likelihood."""
-    coefficients, at = start, likelihood(signal, start, p)
+    coefficients, at = start, likelihood(signal, start, p, known_mean)
     distance, taken, exact = np.inf, 0, False
     if coefficients.size == 0:
         return Climb(coefficients, at, 0.0, 0)
@@ -103,7 +110,7 @@ def _best_along(
             tried = _mirrored(coefficients + shortened * step, p)
             if not admissible(tried, p):
                 continue
-            there = likelihood(signal, tried, p)
+            there = likelihood(signal, tried, p, at.known_mean)
             if there.value > at.value:
                 return _farther(signal, coefficients, p, at, gradient, (tried, there))
     return None
@@ -138,7 +145,7 @@ def _farther(
         double = coefficients + 2.0 * step
         if not admissible(double, p):
             break
-        beyond = likelihood(signal, double, p)
+        beyond = likelihood(signal, double, p, at.known_mean)
         if beyond.value <= there.value:
             break
         tried, there = double, beyond
@@ -146,16 +153,25 @@ def _farther(
 
 
 def search(
-    signal: FloatArray, p: int, q: int, hints: Iterable[FloatArray] = (), *, rough: bool = False
+    signal: FloatArray,
+    p: int,
+    q: int,
+    hints: Iterable[FloatArray] = (),
+    *,
+    rough: bool = False,
+    known_mean: bool = False,
 ) -> Climb:
     """Find the maximum of the likelihood: many starts on a segment, the best ones on all of it."""
     if p + q == 0:
-        return climb(signal, np.zeros(0), 0)
+        return climb(signal, np.zeros(0), 0, known_mean=known_mean)
     segment = signal[:SEGMENT]
     begun = [s for s in (*starts(segment, p, q), *hints) if admissible(s, p)]
-    first = [climb(segment, s, p, rough=True, steps=5) for s in begun]
+    first = [climb(segment, s, p, rough=True, steps=5, known_mean=known_mean) for s in begun]
     first.sort(key=lambda c: -c.at.value)
-    rough_climbs = [climb(segment, c.coefficients, p, rough=True, steps=20) for c in first[:4]]
+    rough_climbs = [
+        climb(segment, c.coefficients, p, rough=True, steps=20, known_mean=known_mean)
+        for c in first[:4]
+    ]
     rough_climbs.sort(key=lambda c: -c.at.value)
     chosen: list[Climb] = []
     for c in rough_climbs:
@@ -163,7 +179,7 @@ def search(
         same = any(abs(c.at.value - d.at.value) < 0.1 for d in chosen)
         if len(chosen) < 2 and not same and rough_climbs[0].at.value - c.at.value < 20.0:
             chosen.append(c)
-    ends = [climb(signal, c.coefficients, p, rough=rough) for c in chosen]
+    ends = [climb(signal, c.coefficients, p, rough=rough, known_mean=known_mean) for c in chosen]
     return max(ends, key=lambda c: c.at.value)
 
 
@@ -192,28 +208,28 @@ def _hannan_rissanen(signal: FloatArray, p: int, q: int) -> FloatArray:
     order = 0 if q == 0 else int(min(max(10.0 * np.log10(n), 2 * (p + q)), n // 4))
     residual = signal
     if order:
-        products = [float(np.dot(signal[k:], signal[: n - k])) for k in range(order + 1)]
-        column = np.array(products[:-1])
+        sums = [dot(signal[k:], signal[: n - k]) for k in range(order + 1)]
+        column = np.array(sums[:-1])
         column[0] *= 1.0 + 1e-9
-        long = solve_toeplitz(column, np.array(products[1:]))
+        long = solve_toeplitz(column, np.array(sums[1:]))
         residual = lfilter(np.concatenate([[1.0], -long]), [1.0], signal)
     first = order + max(p, q)
     lags = [signal[first - i : n - i] for i in range(1, p + 1)]
     lags += [residual[first - j : n - j] for j in range(1, q + 1)]
     design = np.stack(lags)
-    gram = design @ design.T
-    gram[np.diag_indices_from(gram)] *= 1.0 + 1e-10
-    solved = np.linalg.lstsq(gram, design @ signal[first:], rcond=1e-14)[0]
+    products = gram(design)
+    products[np.diag_indices_from(products)] *= 1.0 + 1e-10
+    solved = np.linalg.lstsq(products, by_rows(design, signal[first:]), rcond=1e-14)[0]
     found = np.asarray(solved, dtype=np.float64)
     return np.concatenate([_turned_inside(found[:p]), -_turned_inside(-found[p:])])
 
 
 def _turned_inside(phi: Sequence[float] | FloatArray, limit: float = 1.0 - 1e-4) -> FloatArray:
     """Mirror poles outside the unit circle to its inside."""
+    if within(phi, limit):
+        return np.asarray(phi, dtype=np.float64)
     poles = poles_of(phi)
     modulus = np.abs(poles)
-    if (modulus <= limit).all():
-        return np.asarray(phi, dtype=np.float64)
     poles = np.where(modulus > 1.0, 1.0 / np.conj(poles), poles)
     poles = poles * np.minimum(1.0, limit / np.maximum(np.abs(poles), 1e-300))
     return np.asarray(-np.poly(poles)[1:].real, dtype=np.float64)

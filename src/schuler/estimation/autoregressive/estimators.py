@@ -13,6 +13,7 @@ from itertools import chain
 
 import numpy as np
 
+from schuler.estimation.products import dot
 from schuler.noise.lattice import levinson, step_up
 from schuler.types import FloatArray
 
@@ -141,7 +142,7 @@ def explicit_error(signal: FloatArray, coefficients: FloatArray, first: int) -> 
 
     residuals = np.empty(signal.size - first)
     one_step_residuals(signal, coefficients, first, residuals)
-    return float(residuals @ residuals) / residuals.size
+    return dot(residuals, residuals) / residuals.size
 
 
 def yule_walker(signal: FloatArray, order: int) -> Orders:
@@ -160,7 +161,7 @@ def burg(signal: FloatArray, order: int, floor: float) -> Orders:
 
     reflection, error = np.zeros(order), np.zeros(order)
     reached = burg_lattice(signal.copy(), signal.copy(), floor, BLOCK, reflection, error)
-    power = float(signal @ signal) / signal.size
+    power = dot(signal, signal) / signal.size
     done = reflection[:reached]
     error = np.append(power, error[:reached])
     return Orders(step_up(done), error, ("lattice",) * reached, done)

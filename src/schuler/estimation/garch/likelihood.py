@@ -16,6 +16,7 @@ from schuler.estimation.garch.search import (
     inverse,
     observed_information,
 )
+from schuler.estimation.products import gram
 from schuler.types import FloatArray
 
 STARTS = ((0.05, 0.90), (0.02, 0.975), (0.01, 0.988), (0.1, 0.8), (0.2, 0.4))
@@ -258,4 +259,4 @@ def _targeted_covariance(
     of_scores = weights @ solved @ weights.T
     of_variance = along - of_scores @ information @ along
     influence = np.column_stack([of_scores, of_variance])
-    return np.asarray(influence @ (samples @ samples.T) @ influence.T)
+    return np.asarray(influence @ gram(samples) @ influence.T)

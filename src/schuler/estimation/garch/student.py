@@ -10,6 +10,7 @@ import numpy as np
 from schuler.estimation.garch.conditional_variance import garch_conditional_variance
 from schuler.estimation.garch.result import GarchFit
 from schuler.estimation.optimizer import Rules, Slopes, minimise
+from schuler.estimation.products import gram
 from schuler.types import FloatArray
 
 _STEP = 1e-5
@@ -52,7 +53,7 @@ def with_student(fit: GarchFit, residual: FloatArray) -> tuple[GarchFit, list[st
         if np.exp(at[1:-1]).sum() >= 1.0 - 1e-7:
             return Slopes(math.inf, np.zeros(at.size), np.eye(at.size), None)
         rows = scores(at)
-        return Slopes(-float(samples(at).sum()), rows.sum(axis=1), rows @ rows.T, None)
+        return Slopes(-float(samples(at).sum()), rows.sum(axis=1), gram(rows), None)
 
     high = np.full(start.size, np.inf)
     high[-1] = math.log(_NORMAL - 2.0)

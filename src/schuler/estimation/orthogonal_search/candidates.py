@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
+from schuler.estimation.products import gram
 from schuler.estimation.signals import Series, prepare
 from schuler.types import FloatArray, IntArray
 
@@ -116,7 +117,7 @@ def centred_gram(blocks: Iterator[FloatArray], size: int) -> tuple[FloatArray, F
     """Gram matrix of centred rows, and their means, in one pass."""
     total = np.zeros((size + 1, size + 1))
     for block in blocks:
-        total += block @ block.T
+        total += gram(block)
     samples = total[0, 0]
     means = total[0, 1:] / samples
     # the rows are centred but for the small mean of a product of centred factors

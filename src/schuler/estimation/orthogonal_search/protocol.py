@@ -16,6 +16,7 @@ from schuler.estimation.innovation_floor import (
 )
 from schuler.estimation.orthogonal_search.result import FosFit
 from schuler.estimation.orthogonal_search.search import Stopping, fast_orthogonal_search
+from schuler.estimation.products import dot
 
 __all__ = ["EvaluatedSearch", "OrthogonalSearchProtocol", "search_by_protocol"]
 
@@ -158,7 +159,7 @@ def _predicted(
     from dataclasses import replace
 
     residuals = fit.residuals(rest)
-    held_out = float(residuals @ residuals) / residuals.size
+    held_out = dot(residuals, residuals) / residuals.size
     floor = innovation_variance_of_signal(rest)
     check_prediction_floor(held_out, floor, samples=residuals.size, what="orthogonal search")
     longest = max(horizons)

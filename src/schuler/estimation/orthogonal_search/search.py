@@ -25,6 +25,7 @@ from schuler.estimation.orthogonal_search.candidates import (
     gather,
 )
 from schuler.estimation.orthogonal_search.result import FosFit, RankedTerm, Term, term_name
+from schuler.estimation.products import dot
 from schuler.types import FloatArray
 
 __all__ = ["FosFit", "RankedTerm", "Stopping", "fast_orthogonal_search"]
@@ -139,7 +140,7 @@ def fast_orthogonal_search(
     if held_out is None:
         return fit
     errors = fit.residuals(held_out, held_out_inputs)
-    return replace(fit, held_out_mean_square_error=float(errors @ errors) / errors.size)
+    return replace(fit, held_out_mean_square_error=dot(errors, errors) / errors.size)
 
 
 def _check(
@@ -259,8 +260,8 @@ def _solve(
     squares = 0.0
     full = np.concatenate([[-constant], -weights, [1.0]])
     for block in signals.blocks(few, first):
-        residual = full @ block
-        squares += float(residual @ residual)
+        residual = np.einsum("k,kn->n", full, block)
+        squares += dot(residual, residual)
     factor = _factor_scales(signals, few)
     own = float(signals.scales[0])
     shift = _factor_constants(signals, few)
@@ -364,7 +365,7 @@ def _cautions(search: _Search, mean_square: float, signals: Signals) -> tuple[Ca
             )
         )
     peak = float(np.max(signals.values[0] ** 2))
-    if signals.values.shape[1] >= 200 and peak > 0.1 * float(signals.values[0] @ signals.values[0]):
+    if signals.values.shape[1] >= 200 and peak > 0.1 * dot(signals.values[0], signals.values[0]):
         found.append(
             Caution(
                 "outlier",

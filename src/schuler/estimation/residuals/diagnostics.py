@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
+from schuler.estimation.products import dot
 from schuler.estimation.residuals.tests import (
     ResidualTests,
     residual_tests,
@@ -131,14 +132,14 @@ def diagnose_residuals(
     if largest == 0.0:
         return None
     unit = values / largest
-    mean_square = float(unit @ unit) / unit.size
+    mean_square = dot(unit, unit) / unit.size
     lags = min(LAGS, values.size // 5)
     try:
         robust = robust_autocorrelation_band(values, lags, z=1.959964)
     except (EstimationError, InputError):
         return None
     centred = unit - unit.mean()
-    products = [float(np.dot(centred[k:], centred[: unit.size - k])) for k in range(lags + 1)]
+    products = [dot(centred[k:], centred[: unit.size - k]) for k in range(lags + 1)]
     share = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
     squares = centred * centred
     second = products[0] / unit.size
@@ -151,7 +152,7 @@ def diagnose_residuals(
         robust_band=robust,
         quantiles=np.quantile(centred, share) / math.sqrt(second),
         normal_quantiles=np.asarray(ndtri(share)),
-        kurtosis=float(squares @ squares) / unit.size / second**2,
+        kurtosis=dot(squares, squares) / unit.size / second**2,
         tests=residual_tests(values, fitted_parameters=fitted_parameters),
         block=block,
     )

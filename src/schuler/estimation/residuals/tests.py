@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from schuler.data._checks import check_finite
 from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, InputError
+from schuler.estimation.products import dot
 from schuler.types import FloatArray
 
 
@@ -64,7 +65,7 @@ def _varying(residuals: ArrayLike, lags: int) -> FloatArray:
 def _lagged_products(values: FloatArray, lags: int) -> FloatArray:
     """Sums of v(t) v(t-k), k = 0 .. lags."""
     n = values.size
-    return np.array([float(np.dot(values[k:], values[: n - k])) for k in range(lags + 1)])
+    return np.array([dot(values[k:], values[: n - k]) for k in range(lags + 1)])
 
 
 def robust_autocorrelation_band(residuals: ArrayLike, lags: int, z: float = 2.0) -> FloatArray:
@@ -274,8 +275,8 @@ def jarque_bera_test(residuals: ArrayLike) -> HypothesisTest:
     values = values - values.mean()
     squares = values * values
     second = float(squares.mean())
-    skewness = float(np.dot(squares, values)) / values.size / second**1.5
-    kurtosis = float(np.dot(squares, squares)) / values.size / second**2
+    skewness = dot(squares, values) / values.size / second**1.5
+    kurtosis = dot(squares, squares) / values.size / second**2
     statistic = values.size * (skewness**2 + (kurtosis - 3.0) ** 2 / 4.0) / 6.0
     return _chi_square("Jarque-Bera", statistic, 2)
 
@@ -312,7 +313,7 @@ def residual_tests(residuals: ArrayLike, *, fitted_parameters: int = 0) -> Resid
         # the products of the squares serve three tests, those of the values two
         products = _lagged_products(values - values.mean(), lags)
         centred = squares - squares.mean()
-        if not float(centred @ centred) > 1e-20 * squares.size:
+        if not dot(centred, centred) > 1e-20 * squares.size:
             return None
         square_products = _lagged_products(centred, lags)
         return ResidualTests(
