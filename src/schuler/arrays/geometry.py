@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from schuler.data import Mounting
 from schuler.data._checks import check_finite, frozen
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.rotations import dcm_from_euler
 from schuler.types import FloatArray
@@ -23,7 +24,7 @@ GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Geometry:
+class Geometry(Exportable):
     """Sensitive axes of M sensors on one body.
 
     Parameters

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from schuler.arrays.geometry import Geometry
 from schuler.data._checks import frozen
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -18,7 +19,7 @@ PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FiguresOfMerit:
+class FiguresOfMerit(Exportable):
     """What a geometry can do, for sensors of given noise.
 
     Parameters

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from schuler.arrays.geometry import Geometry, cone, cone_with_axis
 from schuler.arrays.merit import FiguresOfMerit, figures_of_merit
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -18,7 +19,7 @@ Criterion = Literal["gdop", "volume", "vertical", "detectable_bias", "isolation"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OptimalGeometry:
+class OptimalGeometry(Exportable):
     """The best geometry that was found.
 
     Parameters

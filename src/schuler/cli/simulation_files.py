@@ -168,11 +168,11 @@ def drive_files(
     import yaml
 
     from schuler.data.mounting import MOUNTING_FILE, Mounting, mounting_yaml
-    from schuler.io.trajectory import truth_columns, write_columns
+    from schuler.io.trajectory import write_columns
 
     several = len(drive.imus) > 1
     tables = {f"imu{k + 1 if several else ''}": i.to_columns() for k, i in enumerate(drive.imus)}
-    tables |= {"gnss": drive.gnss.to_columns(), "truth": truth_columns(drive.truth)}
+    tables |= {"gnss": drive.gnss.to_columns(), "truth": drive.truth.to_columns()}
     files = tuple(
         (out / f"{name}.{form}", partial(write_columns, columns=columns, form=f".{form}"))
         for name, columns in tables.items()

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.data.exportable import Exportable
 from schuler.types import FloatArray
 
 _PER_DECADE = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AllanCurve:
+class AllanCurve(Exportable):
     """Allan deviation against cluster time.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.curves.finite_signal import checked_rate, finite_samples
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -18,7 +18,7 @@ _DEFAULT_FRACTION = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AutocorrelationCurve(ToDict):
+class AutocorrelationCurve(Exportable):
     """Autocovariance of a signal, mean removed, against lag.
 
     Parameters

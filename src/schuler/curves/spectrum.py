@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from schuler.curves.confidence import chi_square_bounds
 from schuler.curves.finite_signal import checked_rate, finite_samples
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.types import FloatArray, IntArray
 
@@ -23,7 +23,7 @@ _STRAIGHT = 0.95
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpectrumCurve(ToDict):
+class SpectrumCurve(Exportable):
     """Power spectral density against frequency.
 
     Parameters

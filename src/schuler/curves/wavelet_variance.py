@@ -21,7 +21,7 @@ from schuler.curves.robust import (
     median_scale,
     robust_variance,
 )
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import EstimationError, InputError
 from schuler.noise import Process
 from schuler.types import FloatArray
@@ -38,7 +38,7 @@ _WHITE = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WaveletVarianceCurve(ToDict):
+class WaveletVarianceCurve(Exportable):
     """Haar wavelet variance against scale.
 
     Parameters

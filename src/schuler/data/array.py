@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data._checks import check_time, frozen, median_step
+from schuler.data.exportable import Exportable
 from schuler.data.imu import ImuRecording
 from schuler.data.mounting import Mounting, chosen_imus
 from schuler.errors import InputError
@@ -16,7 +17,7 @@ from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuArray:
+class ImuArray(Exportable):
     """Angular rates and specific forces of k IMUs on one body, at the same stamps.
 
     Every IMU speaks in its own axes; `mounting` takes them to the body. A value that is missing
@@ -188,6 +189,25 @@ class ImuArray:
         """Share of the samples that are missing, (k, 6) by IMU and channel of `CHANNELS`."""
         gaps = [np.isnan(values).mean(axis=0) for values in (self.gyro, self.accel)]
         return np.concatenate(gaps, axis=1)
+
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return named columns that `read_array` understands: imu1_gyro_x_rad_s and so on.
+
+        Returns
+        -------
+        dict of str to (n,) ndarray
+            Units are in the names.
+        """
+        columns = {"time_s": self.time}
+        for i in range(self.count):
+            for sensor, unit, values in (
+                ("gyro", "rad_s", self.gyro), ("accel", "m_s2", self.accel)
+            ):  # fmt: skip
+                columns |= {
+                    f"imu{i + 1}_{sensor}_{axis}_{unit}": values[:, i, k]
+                    for k, axis in enumerate("xyz")
+                }
+        return columns
 
     def imu(self, index: int) -> ImuRecording:
         """Return what one IMU recorded, in its own axes.

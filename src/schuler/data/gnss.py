@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data._checks import check_finite, check_time, frozen
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GnssRecording:
+class GnssRecording(Exportable):
     """Position and velocity of the antenna, with their standard deviations.
 
     Parameters
@@ -208,15 +205,3 @@ class GnssRecording:
         if self.quality is not None:
             columns["fix_quality"] = self.quality.astype(np.float64)
         return columns
-
-    def to_parquet(self, path: str | Path) -> None:
-        """Write a Parquet file with the columns that `read_gnss` understands.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to write; it appears only when it is complete.
-        """
-        from schuler.data.table import write_parquet
-
-        write_parquet(path, self.to_columns())

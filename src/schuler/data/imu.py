@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from schuler.data._checks import all_finite, check_finite, check_time, frozen, median_step
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.types import FloatArray
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuRecording:
+class ImuRecording(Exportable):
     """Angular rate and specific force of one IMU, in its own axes.
 
     A sample stamped t is the mean over the interval that ends at t (as a sensor that integrates
@@ -176,15 +173,6 @@ class ImuRecording:
             history=(*self.history, f"cut to {start:.3f} .. {stop:.3f} s"),
         )
 
-    def to_pandas(self) -> Any:
-        """Return a pandas DataFrame indexed by time (pandas must be installed)."""
-        import pandas
-
-        return pandas.DataFrame(
-            {c: self.channel(c) for c in self.channels},
-            index=pandas.Index(self.time, name="time_s"),
-        )
-
     def to_columns(self) -> dict[str, FloatArray]:
         """Return named columns that `read_imu` understands.
 
@@ -199,15 +187,3 @@ class ImuRecording:
         if self.temperature is not None:
             columns["temperature_degc"] = self.temperature
         return columns
-
-    def to_parquet(self, path: str | Path) -> None:
-        """Write a Parquet file with the columns that `read_imu` understands.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to write; it appears only when it is complete.
-        """
-        from schuler.data.table import write_parquet
-
-        write_parquet(path, self.to_columns())

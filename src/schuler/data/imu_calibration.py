@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from schuler.data._checks import check_finite, frozen
+from schuler.data.exportable import Exportable
 from schuler.data.imu import ImuRecording
 from schuler.data.table import write_text
 from schuler.errors import InputError
@@ -30,7 +31,7 @@ SHAPES = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuCalibration:
+class ImuCalibration(Exportable):
     """Bias, scale and misalignment of one IMU.
 
     Specific force f = accel_matrix (reading - accel_bias), rate = gyro_matrix (reading - gyro_bias

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data._checks import check_finite, frozen
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.rotations import dcm_from_euler
 from schuler.types import FloatArray
@@ -23,7 +24,7 @@ ORTHONORMAL_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mounting:
+class Mounting(Exportable):
     """Where the IMUs sit on the body and how they are turned.
 
     Parameters

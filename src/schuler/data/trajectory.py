@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data._checks import check_finite, check_time, frozen
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
+from schuler.rotations import euler_from_dcm
 from schuler.types import FloatArray
+
+DIRECTIONS = ("north", "east", "down")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
+class Trajectory(Exportable):
     """Position, velocity and attitude of the IMU over time.
 
     Parameters
@@ -63,9 +67,28 @@ class Trajectory:
         """Number of samples."""
         return int(self.time.size)
 
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return named columns, in the units of their names; attitude as angles.
+
+        Returns
+        -------
+        dict of str to (n,) ndarray
+            Those of a file of `schuler navigate --out`.
+        """
+        columns = {
+            "time_s": self.time,
+            "latitude_deg": np.degrees(self.position[:, 0]),
+            "longitude_deg": np.degrees(self.position[:, 1]),
+            "height_m": self.position[:, 2],
+        }
+        for k, direction in enumerate(DIRECTIONS):
+            columns[f"vel_{direction}_m_s"] = self.velocity[:, k]
+        angles = zip(("roll", "pitch", "heading"), euler_from_dcm(self.rotation), strict=True)
+        return columns | {f"{name}_deg": np.degrees(angle) for name, angle in angles}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Innovations:
+class Innovations(Exportable):
     """Every aiding update of a run: what was measured minus what was predicted.
 
     Parameters
@@ -103,6 +126,7 @@ class Innovations:
     nis: FloatArray
     degrees: NDArray[np.int64]
     accepted: NDArray[np.bool_]
+    AXES: ClassVar[str] = "north east down"
 
     def of_kind(self, kind: str) -> Innovations:
         """Return the updates of one kind.
@@ -148,7 +172,7 @@ class Innovations:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NavigationSolution:
+class NavigationSolution(Exportable):
     """A trajectory with what the filter claims to know about it.
 
     Parameters
@@ -216,3 +240,20 @@ class NavigationSolution:
         diagonal = np.diagonal(self.position_covariance, axis1=1, axis2=2)
         sd: FloatArray = np.sqrt(np.maximum(diagonal, 0.0))
         return sd
+
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return named columns, in the units of their names, with standard deviations.
+
+        Returns
+        -------
+        dict of str to (n,) ndarray
+            Those of a file of `schuler navigate --out`.
+        """
+        columns = self.trajectory.to_columns()
+        for name, sd in (
+            ("pos_std_{}_m", self.position_sd),
+            ("vel_std_{}_m_s", self.velocity_sd),
+            ("att_std_{}_deg", np.degrees(self.attitude_sd)),
+        ):
+            columns |= {name.format(d): sd[:, k] for k, d in enumerate(DIRECTIONS)}
+        return columns

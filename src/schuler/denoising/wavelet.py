@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.curves.finite_signal import checked_rate, finite_samples
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.denoising.thresholds import noise_scale, stein_threshold, universal_threshold
 from schuler.errors import InputError
 from schuler.types import FloatArray
@@ -32,7 +32,7 @@ _MOTION = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Denoised(ToDict):
+class Denoised(Exportable):
     """A de-noised record and how it was made.
 
     Parameters

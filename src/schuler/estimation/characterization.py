@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from schuler.data.exportable import Exportable
 from schuler.data.imu import ImuRecording
-from schuler.data.to_dict import ToDict
 from schuler.errors import EstimationError, SchulerError
 from schuler.estimation.allan_route import identify_signal
 from schuler.estimation.identification import Identification
@@ -25,7 +25,7 @@ _NOTABLE_ROUNDING = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuCharacterization(ToDict):
+class ImuCharacterization(Exportable):
     """The noise of every recorded channel.
 
     Parameters
@@ -59,7 +59,7 @@ class ImuCharacterization(ToDict):
             c: ieee952_to_dict(one.ieee952, classical_reading(one.curve, one.slopes, one.process))
             for c, one in self.channels.items()
         }
-        return ToDict.to_dict(self) | {"ieee952": coefficients}
+        return Exportable.to_dict(self) | {"ieee952": coefficients}
 
 
 def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCharacterization:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from schuler.curves.allan_curve import AllanCurve
-from schuler.data.to_dict import ToDict, plain
+from schuler.data.exportable import Exportable
+from schuler.data.to_dict import plain
 from schuler.estimation.disturbances.lines import Line
 from schuler.estimation.ieee952 import (
     Coefficient,
@@ -59,7 +60,7 @@ class FitDiagnostics:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Identification(ToDict):
+class Identification(Exportable):
     """The processes a signal is made of.
 
     Parameters
@@ -148,4 +149,4 @@ class Identification(ToDict):
         reading = classical_reading(self.curve, self.slopes, self.process)
         named |= {"ieee952": ieee952_to_dict(self.ieee952, reading)}
         told = {"misfit": misfit} | {key: value for key, value in more.items() if value}
-        return ToDict.to_dict(self) | named | {key: plain(value) for key, value in told.items()}
+        return Exportable.to_dict(self) | named | {key: plain(value) for key, value in told.items()}

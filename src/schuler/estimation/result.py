@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
-from schuler.data.to_dict import ToDict, plain
+from schuler.data.exportable import Exportable
+from schuler.data.to_dict import plain
 from schuler.estimation.disturbances.lines import Line
 from schuler.estimation.ieee952 import Coefficient, ieee952_of, ieee952_to_dict
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
@@ -57,7 +58,7 @@ class Fit(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MethodIdentification(ToDict):
+class MethodIdentification(Exportable):
     """The result of any estimator in the words that all of them share.
 
     Parameters
@@ -120,7 +121,7 @@ class MethodIdentification(ToDict):
             "ieee952": ieee952_to_dict(self.ieee952),
         }
         told = {"lines": self.lines, "effects": self.effects}
-        return ToDict.to_dict(self) | named | {k: plain(v) for k, v in told.items() if v}
+        return Exportable.to_dict(self) | named | {k: plain(v) for k, v in told.items() if v}
 
 
 def process_to_list(process: Process | None) -> list[dict[str, Any]]:

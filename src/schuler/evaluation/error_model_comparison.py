@@ -13,6 +13,7 @@ from typing import Any, Literal, Unpack
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.evaluation.outage_windows import (
     OutageStatistics,
@@ -74,7 +75,7 @@ class ModelOutages:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ErrorModelComparison:
+class ErrorModelComparison(Exportable):
     """Error models on the same windows.
 
     Parameters

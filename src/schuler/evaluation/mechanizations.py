@@ -16,6 +16,7 @@ import numpy as np
 from schuler import earth
 from schuler.data import GnssRecording, NavigationSolution, Trajectory
 from schuler.data.array import ImuArray
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.evaluation.outage_windows import OutageStatistics, Window, judge_window
 from schuler.navigation.engine import gate_thresholds, run_engine
@@ -77,7 +78,7 @@ class MechanizationResult:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MechanizationComparison:
+class MechanizationComparison(Exportable):
     """All mechanizations on one array.
 
     Parameters

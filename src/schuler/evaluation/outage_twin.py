@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.data.exportable import Exportable
 from schuler.evaluation.error_model_comparison import add_track, check_models
 from schuler.evaluation.outage_windows import OutageStatistics, Window, judge_run
 from schuler.navigation.error_models.catalogue import ErrorModel
@@ -30,7 +31,7 @@ START_VELOCITY_SD = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutageTwin:
+class OutageTwin(Exportable):
     """A drive, its sensor, its receiver and its outages.
 
     Parameters

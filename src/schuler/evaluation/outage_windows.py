@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from schuler.data import GnssRecording, NavigationSolution
+from schuler.data.exportable import Exportable
 from schuler.data.to_dict import ToDict
 from schuler.earth import metres_per_radian
 from schuler.errors import InputError
@@ -96,7 +97,7 @@ class OutageWindow(ToDict):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutageStatistics(ToDict):
+class OutageStatistics(Exportable):
     """All windows of one kind of solution.
 
     Parameters
@@ -168,7 +169,7 @@ class OutageStatistics(ToDict):
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, in SI."""
         radius = {f"cep{k}_m": self.circular_error_m(k / 100.0) for k in (50, 95)}
-        return ToDict.to_dict(self) | radius
+        return Exportable.to_dict(self) | radius
 
 
 def sweep_windows(

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Unpack
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
+from schuler.data.exportable import Exportable
 from schuler.evaluation.outage_windows import (
     OutageStatistics,
     OutageWindow,
@@ -34,7 +35,7 @@ from schuler.noise.noise_model import NoiseModel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OutageEvaluation:
+class OutageEvaluation(Exportable):
     """Causal and smoothed solutions against the GNSS that was withheld from them.
 
     Parameters

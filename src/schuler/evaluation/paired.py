@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 
 PERCENTAGES = "mean of ratios: mean over the cases of 1 - a/b; ratio of sums: 1 - sum(a)/sum(b)"
 
 
 @dataclass(frozen=True, slots=True)
-class PairedStatistics(ToDict):
+class PairedStatistics(Exportable):
     """Errors of method a against those of method b on the same cases.
 
     Parameters

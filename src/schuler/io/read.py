@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,20 +19,20 @@ from schuler.io.options import ReadOptions
 from schuler.io.registry import format_of, open_with
 from schuler.io.sensors import SensorKind, SensorSeries, sensor_series
 from schuler.io.source import Source
+from schuler.io.tables.arrays import source_of_table
 
 Kind = Literal["imu", "gnss"]
 
 
-def read_imu(
-    path: str | Path, *, calibration: str | Path | None = None, **how: Any
-) -> ImuRecording:
+def read_imu(path: Any, *, calibration: str | Path | None = None, **how: Any) -> ImuRecording:
     """Read the recording of one IMU.
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or table
         CSV or other text, Parquet, NPZ, a ROS 1 or ROS 2 bag, or a folder with one such file
-        named imu.*.
+        named imu.*; or a table in memory: a DataFrame of pandas or polars, a Dataset of xarray,
+        a mapping from names to arrays.
     columns : mapping or sequence, optional
         Which column is what. A mapping from role to name or number (from 0) of the column:
         ``{"time": "t", "gyro": ("wx", "wy", "wz"), "accel_x": 4}``; or the names of all columns
@@ -92,16 +93,24 @@ def read_imu(
     ...     _ = path.write_text(chr(10).join([header, *rows]), encoding="utf-8")
     ...     print(read_imu(path).size)
     300
+
+    A table in memory is read like a file, units in its names or told:
+
+    >>> import numpy as np
+    >>> table = {"time_s": np.arange(300) / 100.0, "gyro": np.zeros((300, 3))}
+    >>> table["accel"] = np.tile((0.0, 0.0, -1.0), (300, 1))
+    >>> read_imu(table, gyro_unit="deg/s", accel_unit="g").accel[0, 2].round(3)
+    np.float64(-9.807)
     """
     options = _options(how, "imu")
-    source = _open(Path(path), "imu", options)
+    source = _open(path, "imu", options)
     recordings: tuple[ImuRecording, ...] = _located(source, imu_recordings, source, options, True)
     if calibration is None:
         return recordings[0]
     return ImuCalibration.load(calibration).apply(recordings[0])
 
 
-def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:
+def read_imus(path: Any, **how: Any) -> tuple[ImuRecording, ...]:
     """Read the recordings of all IMUs in a file.
 
     Several IMUs stand side by side in columns ``imuK_gyro_x_rad_s``, or below each other with a
@@ -109,7 +118,7 @@ def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or table
         As in `read_imu`.
     **how
         As in `read_imu`.
@@ -125,19 +134,19 @@ def read_imus(path: str | Path, **how: Any) -> tuple[ImuRecording, ...]:
         As in `read_imu`.
     """
     options = _options(how, "imu")
-    source = _open(Path(path), "imu", options)
+    source = _open(path, "imu", options)
     recordings: tuple[ImuRecording, ...] = _located(source, imu_recordings, source, options, False)
     return recordings
 
 
-def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
+def read_gnss(path: Any, **how: Any) -> GnssRecording:
     """Read the recording of a GNSS receiver.
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or table
         CSV or other text, Parquet, NPZ, RTKLIB .pos, a ROS 1 or ROS 2 bag, or a folder with one
-        such file named gnss.* or gps.*.
+        such file named gnss.* or gps.*; or a table in memory, as in `read_imu`.
     columns : mapping or sequence, optional
         As in `read_imu`. Roles: time, week, latitude, longitude, height; or ecef_x, ecef_y,
         ecef_z; or north, east, down (or up) with `origin`; velocity_north, velocity_east,
@@ -191,7 +200,7 @@ def read_gnss(path: str | Path, **how: Any) -> GnssRecording:
     30
     """
     options = _options(how, "gnss")
-    source = _open(Path(path), "gnss", options)
+    source = _open(path, "gnss", options)
     recording: GnssRecording = _located(source, gnss_recording, source, options)
     return recording
 
@@ -228,8 +237,11 @@ def _options(how: dict[str, Any], kind: Kind) -> ReadOptions:
     return ReadOptions(**how)
 
 
-def _open(path: Path, what: What, options: ReadOptions) -> Source:
-    """Find the file, detect its format and open it with the reader of that format."""
+def _open(given: Any, what: What, options: ReadOptions) -> Source:
+    """Find the file, detect its format and open it; a table in memory is open already."""
+    if not isinstance(given, str | PathLike):
+        return source_of_table(given)
+    path = Path(given)
     if path.is_dir():
         path = file_in_folder(path, what)
     return open_with(format_of(path), path, what, options)

@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data.trajectory import NavigationSolution, Trajectory
+from schuler.data.trajectory import NavigationSolution
 from schuler.errors import InputError
-from schuler.rotations import euler_from_dcm
 
 FORMS = (".parquet", ".csv")
-DIRECTIONS = ("north", "east", "down")
 
 
 def check_trajectory_name(path: str | Path) -> None:
@@ -26,39 +24,9 @@ def check_trajectory_name(path: str | Path) -> None:
         )
 
 
-def trajectory_columns(solution: NavigationSolution) -> dict[str, NDArray[np.float64]]:
-    """Return a solution as named columns, in the units of their names."""
-    columns = truth_columns(solution.trajectory)
-    position_sd = solution.position_sd
-    for k, direction in enumerate(DIRECTIONS):
-        columns[f"pos_std_{direction}_m"] = position_sd[:, k]
-    for k, direction in enumerate(DIRECTIONS):
-        columns[f"vel_std_{direction}_m_s"] = solution.velocity_sd[:, k]
-    for k, direction in enumerate(DIRECTIONS):
-        columns[f"att_std_{direction}_deg"] = np.degrees(solution.attitude_sd[:, k])
-    return columns
-
-
-def truth_columns(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
-    """Return a trajectory without uncertainty as named columns, in the units of their names."""
-    columns = {
-        "time_s": trajectory.time,
-        "latitude_deg": np.degrees(trajectory.position[:, 0]),
-        "longitude_deg": np.degrees(trajectory.position[:, 1]),
-        "height_m": trajectory.position[:, 2],
-    }
-    for k, direction in enumerate(DIRECTIONS):
-        columns[f"vel_{direction}_m_s"] = trajectory.velocity[:, k]
-    for name, angle in zip(
-        ("roll", "pitch", "heading"), euler_from_dcm(trajectory.rotation), strict=True
-    ):
-        columns[f"{name}_deg"] = np.degrees(angle)
-    return columns
-
-
 def write_trajectory(path: str | Path, solution: NavigationSolution, form: str = "") -> None:
     """Write a solution as a table; the file appears only when it is complete."""
-    write_columns(path, trajectory_columns(solution), form)
+    write_columns(path, solution.to_columns(), form)
 
 
 def write_columns(

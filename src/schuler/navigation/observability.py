@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.types import FloatArray
@@ -63,7 +64,7 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Observability:
+class Observability(Exportable):
     """Which directions of the state are seen.
 
     Parameters

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from schuler.data.columns import Columns, table_of
+from schuler.data.exportable import Exportable
 from schuler.data.imu import CHANNELS
 from schuler.errors import ModelError, SchulerError
 from schuler.noise._checks import not_negative, positive
@@ -20,7 +22,7 @@ Numbers = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NoiseModel:
+class NoiseModel(Exportable):
     """A stochastic process for every channel of an inertial measurement unit.
 
     Parameters
@@ -98,6 +100,21 @@ class NoiseModel:
     def channels(self) -> tuple[str, ...]:
         """Channels that have a process, in the order of `schuler.data.CHANNELS`."""
         return tuple(self.processes)
+
+    def to_columns(self) -> Columns:
+        """Return one row for each parameter of each channel, SI."""
+        return table_of(
+            [
+                {
+                    "channel": channel,
+                    "parameter": key,
+                    "value": value,
+                    "standard_error": self.standard_errors.get(channel, {}).get(key),
+                }
+                for channel in self.channels
+                for key, value in self.process(channel).parameters.items()
+            ]
+        )
 
     def process(self, channel: str) -> ProcessSum:
         """Return the process of one channel.

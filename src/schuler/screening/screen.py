@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import ImuRecording
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.screening import motion, rows, stuck, values
 from schuler.screening.finding import Finding
@@ -32,7 +32,7 @@ _SHOWN = 5  # intervals named in a message
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Screening(ToDict):
+class Screening(Exportable):
     """What was seen in a recording.
 
     Parameters
@@ -73,6 +73,8 @@ class Screening(ToDict):
         "name samples=size duration_s=duration rate_hz=rate jitter_s=jitter static "
         "disturbed_rows=disturbed rest_s=rest findings"
     )
+
+    TABLE = "findings"
 
     name: str
     size: int
@@ -125,7 +127,7 @@ class Screening(ToDict):
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, in SI."""
         counts = {"repeated_rows": int(self.repeated.sum()), "gaps": len(self.gaps)}
-        return ToDict.to_dict(self) | counts
+        return Exportable.to_dict(self) | counts
 
 
 def screen(imu: ImuRecording) -> Screening:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording, Trajectory
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.simulation.array import simulate_array
 from schuler.simulation.effects import TemperatureDrift, warm_up
@@ -171,7 +172,7 @@ class Scenario:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SimulatedDrive:
+class SimulatedDrive(Exportable):
     """What was recorded, and what really happened.
 
     Parameters

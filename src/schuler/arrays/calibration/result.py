@@ -14,6 +14,7 @@ from schuler.arrays.clocks.polling import PollingTrack
 from schuler.arrays.clocks.resampling import rate_of_change
 from schuler.data import ImuArray, Mounting
 from schuler.data._checks import check_finite, frozen
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.rotations import orthonormalize, rotation_vector_from_dcm
 from schuler.types import FloatArray
@@ -39,7 +40,7 @@ _SHAPES = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArrayCalibration:
+class ArrayCalibration(Exportable):
     """Calibration between the IMUs of an array, relative to their mean.
 
     A gyro triad shows g = gyro_sensor w + gyro_bias of the body's rate w, an accelerometer triad

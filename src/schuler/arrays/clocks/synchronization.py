@@ -10,12 +10,13 @@ import numpy as np
 from schuler.arrays.clocks.alignment import WINDOW, ClockFit, check_recordings, fit_clock
 from schuler.arrays.clocks.resampling import resample
 from schuler.data import ImuArray, ImuRecording, Mounting
+from schuler.data.exportable import Exportable
 from schuler.errors import EstimationError, InputError
 from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Synchronization:
+class Synchronization(Exportable):
     """Recordings brought to one clock.
 
     Parameters

@@ -25,6 +25,7 @@ from schuler.arrays.synthesis.array_noise import ArrayNoise
 from schuler.arrays.synthesis.least_squares import fuse_constant
 from schuler.arrays.tracking import Followed, follow_sensors
 from schuler.data import ImuArray
+from schuler.data.exportable import Exportable
 from schuler.types import FloatArray
 
 
@@ -93,7 +94,7 @@ class SensorFaults:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FaultDetection:
+class FaultDetection(Exportable):
     """What the tests said of an array.
 
     Parameters

@@ -18,6 +18,7 @@ from schuler.arrays.detection.window_offsets import (
     window_offsets,
 )
 from schuler.data import ImuArray
+from schuler.data.exportable import Exportable
 from schuler.errors import EstimationError, InputError
 from schuler.types import FloatArray
 
@@ -67,7 +68,7 @@ class LastingFaultSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HealthyMotion:
+class HealthyMotion(Exportable):
     """What a healthy recording says of offsets in windows of motion.
 
     The covariance of the offsets of one component is colour times what the scatter within the

@@ -19,6 +19,7 @@ from schuler.arrays.detection.healthy_motion import (
 )
 from schuler.arrays.detection.window_offsets import WindowOffsets, calibrated_rates, window_offsets
 from schuler.data import ImuArray
+from schuler.data.exportable import Exportable
 from schuler.types import FloatArray
 
 TITLES = ("at rest", "below 500 deg/s", "above 500 deg/s")
@@ -27,7 +28,7 @@ POWER = 1.645
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LastingFaults:
+class LastingFaults(Exportable):
     """What the windows of a recording say.
 
     Parameters

@@ -19,6 +19,7 @@ from schuler.arrays.common_axes import DEVIATIONS, check_axes, require_common_ax
 from schuler.arrays.detection.fault_settings import FaultSettings
 from schuler.arrays.detection.motion_errors import mean_of_present, motion_errors
 from schuler.data import ImuArray
+from schuler.data.exportable import Exportable
 from schuler.errors import EstimationError, InputError
 from schuler.rotations import rotation_vector_from_dcm
 from schuler.types import FloatArray
@@ -40,7 +41,7 @@ KNOWN = 0.005
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PreparedDetection:
+class PreparedDetection(Exportable):
     """An array that can be judged, and how.
 
     Parameters

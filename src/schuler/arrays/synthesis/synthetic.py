@@ -26,6 +26,7 @@ from schuler.arrays.synthesis.wavelet_weights import wavelet_covariance
 from schuler.arrays.tracking import OnlineSettings, start_values
 from schuler.data import ImuArray, ImuRecording
 from schuler.data._checks import median_step
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.noise import NoiseModel
 from schuler.types import FloatArray
@@ -45,7 +46,7 @@ WEIGHTS: tuple[Weights, ...] = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SyntheticImu:
+class SyntheticImu(Exportable):
     """What several IMUs say together.
 
     Parameters

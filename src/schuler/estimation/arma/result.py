@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.data.to_dict import ToDict, plain
+from schuler.data.exportable import Exportable
+from schuler.data.to_dict import plain
 from schuler.estimation.arma.likelihood import innovations
 from schuler.estimation.residuals.tests import ResidualTests
 from schuler.estimation.signals import checked_signal
@@ -40,7 +41,7 @@ class ArmaCandidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmaFit(ToDict):
+class ArmaFit(Exportable):
     """x(t) = constant + sum phi_i x(t-i) + e(t) + sum theta_j e(t-j), fitted.
 
     Parameters
@@ -185,4 +186,4 @@ class ArmaFit(ToDict):
         }
         parameters = {k: {n: plain(v.get(k)) for n, v in named.items()} for k in self.values}
         p, q = self.order
-        return ToDict.to_dict(self) | {"p": p, "q": q, "parameters": parameters}
+        return Exportable.to_dict(self) | {"p": p, "q": q, "parameters": parameters}

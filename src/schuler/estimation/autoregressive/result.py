@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from schuler.data.exportable import Exportable
 from schuler.data.to_dict import ToDict
 from schuler.errors import InputError, ModelError
 from schuler.noise import Process, WhiteNoise
@@ -64,7 +65,7 @@ class ArSelection(ToDict):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArFit(ToDict):
+class ArFit(Exportable):
     """An autoregressive model y(n) - mean = -sum a_k (y(n-k) - mean) + e(n).
 
     Parameters

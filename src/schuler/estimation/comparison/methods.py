@@ -13,8 +13,9 @@ from schuler.curves.allan import allan_deviation
 from schuler.curves.allan_curve import AllanCurve
 from schuler.curves.finite_signal import checked_rate
 from schuler.curves.spectrum import SpectrumCurve, power_spectral_density
+from schuler.data.exportable import Exportable
 from schuler.data.imu import ImuRecording
-from schuler.data.to_dict import ToDict, plain
+from schuler.data.to_dict import plain
 from schuler.errors import EstimationError, InputError, SchulerError
 from schuler.estimation.comparison.curves import (
     CorrelationPoints,
@@ -71,7 +72,7 @@ class Volatility:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MethodComparison(ToDict):
+class MethodComparison(Exportable):
     """What several methods say about one signal.
 
     Parameters
@@ -143,11 +144,11 @@ class MethodComparison(ToDict):
             "theory": self.theory,
         }
         methods = {m: {"method": m, **r.to_dict()} for m, r in self.results.items()}
-        return ToDict.to_dict(self) | {"methods": methods, "curves": plain(curves)}
+        return Exportable.to_dict(self) | {"methods": methods, "curves": plain(curves)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ImuMethodComparison(ToDict):
+class ImuMethodComparison(Exportable):
     """Several methods on every channel of a recording.
 
     Parameters

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.estimation.arma.fit import fit_arma
 from schuler.estimation.arma.likelihood import admissible
 from schuler.estimation.arma.result import ArmaFit
@@ -29,7 +29,7 @@ from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmaGarchFit(ToDict):
+class ArmaGarchFit(Exportable):
     """ARMA(p, q) for the mean given the past, GARCH for the variance given the past.
 
     Parameters

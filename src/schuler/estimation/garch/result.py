@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.data.to_dict import ToDict, named_rows, plain
+from schuler.data.exportable import Exportable
+from schuler.data.to_dict import named_rows, plain
 from schuler.estimation.garch.conditional_variance import garch_conditional_variance, simulate_garch
 from schuler.estimation.residuals.tests import ResidualTests
 from schuler.estimation.signals import checked_signal
@@ -52,7 +53,7 @@ class GarchCandidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GarchFit(ToDict):
+class GarchFit(Exportable):
     """s(t) = alpha0 + sum alpha_i e²(t-i) + sum beta_j s(t-j), fitted.
 
     Parameters
@@ -262,7 +263,7 @@ class GarchFit(ToDict):
         p, q = self.order
         starts = [(s.alpha, s.beta, s.log_likelihood) for s in self.starts]
         candidates = [(c.p, c.q, c.aic, c.bic) for c in self.candidates]
-        return ToDict.to_dict(self) | {
+        return Exportable.to_dict(self) | {
             "p": p,
             "q": q,
             "parameters": {k: {n: plain(v.get(k)) for n, v in named.items()} for k in self.values},

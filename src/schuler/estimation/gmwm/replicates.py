@@ -10,7 +10,8 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from schuler.curves.wavelet_variance import wavelet_variance
-from schuler.data.to_dict import ToDict, plain
+from schuler.data.exportable import Exportable
+from schuler.data.to_dict import plain
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.comparison.agreement import Agreement, compare_runs
 from schuler.estimation.disturbances.outliers import contamination
@@ -28,7 +29,7 @@ _SHARED = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PooledIdentification(ToDict):
+class PooledIdentification(Exportable):
     """Several records of one sensor, together and apart.
 
     Parameters
@@ -66,7 +67,7 @@ class PooledIdentification(ToDict):
         names = ("chi_square", "degrees_of_freedom", "p_value", "shared")
         heterogeneity = {name: plain(getattr(self, name)) for name in names}
         heterogeneity["parameters"] = plain(self.agreements)
-        return ToDict.to_dict(self) | {"heterogeneity": heterogeneity}
+        return Exportable.to_dict(self) | {"heterogeneity": heterogeneity}
 
 
 def fit_gmwm_replicates(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.estimation.autoregressive.result import Caution
 from schuler.types import FloatArray
@@ -42,7 +42,7 @@ class RankedTerm:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FosFit(ToDict):
+class FosFit(Exportable):
     """A model y(n) = intercept + sum of coefficient times term, found by forward selection.
 
     Parameters

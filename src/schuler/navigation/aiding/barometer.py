@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.exportable import Exportable
 from schuler.navigation.aiding.schedule import (
     BAROMETER,
     AidingSchedule,
@@ -19,7 +20,7 @@ from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Barometer:
+class Barometer(Exportable):
     """Heights by air pressure, off by an amount that changes with the weather.
 
     Parameters

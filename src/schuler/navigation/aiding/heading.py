@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.navigation.aiding.schedule import (
     HEADING,
@@ -19,7 +20,7 @@ from schuler.navigation.error_models.sensor_states import SensorErrorModel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Heading:
+class Heading(Exportable):
     """Headings of a direction of the body: two GNSS antennas, a compass, a gyrocompass.
 
     Parameters

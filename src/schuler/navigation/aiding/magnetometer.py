@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.navigation.aiding.schedule import (
     MAGNETIC_FIELD,
@@ -20,7 +21,7 @@ from schuler.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Magnetometer:
+class Magnetometer(Exportable):
     """Magnetic field in the axes of the IMU, with the hard iron of the vehicle as states.
 
     Parameters

@@ -13,14 +13,14 @@ from typing import Any, Literal
 import numpy as np
 
 from schuler.data import CHANNELS, ImuRecording
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 
 Form = Literal["off-line", "causal"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SensorDenoising(ToDict):
+class SensorDenoising(Exportable):
     """Levels of decomposition for every channel.
 
     Parameters

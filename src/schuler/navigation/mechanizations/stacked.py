@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from schuler.data import GnssRecording, Trajectory
+from schuler.data.exportable import Exportable
 from schuler.earth import geodetic_from_ned
 from schuler.errors import InputError, NavigationError
 from schuler.kernels.navigation.filter_data import Measurement, SensorModel
@@ -37,7 +38,7 @@ OF_NODES = ("time", "sensor", "sensor_sd", "arm", "relative", "relative_sd")
 
 
 @dataclass(frozen=True, slots=True)
-class RigidBody:
+class RigidBody(Exportable):
     """How well the IMUs are known to sit on one rigid body.
 
     Parameters

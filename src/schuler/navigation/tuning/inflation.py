@@ -17,7 +17,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -45,7 +45,7 @@ _PARAMETERS = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NoiseInflation(ToDict):
+class NoiseInflation(Exportable):
     """One kind of noise of one sensor: what the bench says, and what the drive needs.
 
     Parameters
@@ -83,14 +83,14 @@ class NoiseInflation(ToDict):
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON, in SI."""
         pairs = zip(self.profile_factors.tolist(), self.profile_loss.tolist(), strict=True)
-        return ToDict.to_dict(self) | {
+        return Exportable.to_dict(self) | {
             "interval_95": [self.lower, self.upper],
             "profile": [{"factor": f, "log_likelihood_lost": loss} for f, loss in pairs],
         }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NoiseTuning(ToDict):
+class NoiseTuning(Exportable):
     """What a drive says of a noise model.
 
     Parameters
@@ -138,7 +138,7 @@ class NoiseTuning(ToDict):
             name: {"factor": factor, "interval_95": [lower, upper]}
             for name, (factor, lower, upper) in self.receiver.items()
         }
-        return ToDict.to_dict(self) | {"receiver_sd": receiver}
+        return Exportable.to_dict(self) | {"receiver_sd": receiver}
 
 
 def tune_noise(

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from schuler import earth
 from schuler.data import Trajectory
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.rotations import dcm_from_euler
 from schuler.types import FloatArray
@@ -53,7 +54,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Profile:
+class Profile(Exportable):
     """The true motion of an IMU; make one with `static`, `drive`, `car_urban`, `from_waypoints`.
 
     Parameters
