@@ -56,7 +56,8 @@ def family() -> list[Any]:
     model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
     return [
         imu(), gnss(), solution(), solution().trajectory, solution().innovations, model,
-        schuler.allan_deviation(signal, 100.0), schuler.power_spectral_density(signal, 100.0, onesided=True),
+        schuler.allan_deviation(signal, 100.0),
+        schuler.power_spectral_density(signal, 100.0, onesided=True),
         schuler.identify(signal, 100.0), schuler.screen(imu()),
         schuler.tetrahedron_mounting(0.1), schuler.ImuArray.from_recordings([imu(), imu()]),
     ]  # fmt: skip
