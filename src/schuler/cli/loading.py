@@ -109,9 +109,14 @@ def load_array(
 
 
 def load_noise(path: Path | None) -> NoiseModel | None:
-    """Read a noise model, when one is given."""
+    """Read a noise model, when one is given; DATABASE#SERIAL is that of a sensor of a fleet."""
     if path is None:
         return None
+    database, mark, serial = str(path).rpartition("#")
+    if mark and not path.is_file():
+        from schuler.fleet import stored_noise_model
+
+        return stored_noise_model(Path(database), serial)
     from schuler.noise import NoiseModel
 
     return NoiseModel.load(path)

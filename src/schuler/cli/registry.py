@@ -22,6 +22,7 @@ VERBS = (
     "simulate",
     "export",
     "geometry",
+    "batch",
     "convert",
     "read",
     "formats",

@@ -3,7 +3,7 @@
 A package that adds a verb or a study may use what is named here (see `schuler.cli`).
 """
 
-from schuler.execution.executors import Workers, one_thread, workers
+from schuler.execution.executors import Workers, lent, one_thread, workers
 from schuler.execution.progress import Progress, progress
 from schuler.execution.store import Kept
 from schuler.execution.tasks import CPU_SECONDS, Task, run_tasks
@@ -14,6 +14,7 @@ __all__ = [
     "Progress",
     "Task",
     "Workers",
+    "lent",
     "one_thread",
     "progress",
     "run_tasks",

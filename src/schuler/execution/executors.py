@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -80,6 +80,11 @@ def workers(processes: int | None = None, scheduler: str | None = None) -> Worke
     if count == 1:
         return Workers(InProcess, 1, "this process")
     return Workers(partial(_pool, count), 2 * count, f"{count} processes")
+
+
+def lent(executor: Executor, ahead: int = 64) -> Workers:
+    """Return an executor of somebody else as workers; it is not shut down."""
+    return Workers(lambda: nullcontext(executor), ahead, type(executor).__name__)
 
 
 @contextmanager

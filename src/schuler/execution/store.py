@@ -46,7 +46,7 @@ class Kept:
         """Return the result of a piece of work."""
         return read_arrays(self.folder / f"{key}.npz")
 
-    def save(self, key: str, arrays: Mapping[str, NDArray[np.float64]]) -> None:
+    def save(self, key: str, arrays: Mapping[str, NDArray[np.float64]], /) -> None:
         """Keep the result of a piece of work; the file appears only when it is complete."""
         import numpy as np
 

@@ -1,0 +1,167 @@
+"""`schuler batch`: many logs into one database, and what they say of the fleet."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cyclopts import Parameter
+
+from schuler.cli.job import Job, Result, working
+from schuler.cli.options.files import Written
+from schuler.cli.parsing import parse_numbers
+
+if TYPE_CHECKING:
+    from schuler.cli.console import Screen
+    from schuler.fleet.batch import BatchReport
+    from schuler.fleet.summary import FleetSummary
+
+MOST = 12
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Workforce:
+    """Who does the work.
+
+    Parameters
+    ----------
+    processes : int, optional
+        Processes of this machine; one for each core if not given. The numbers are the same.
+    scheduler : str, optional
+        Address of a Dask scheduler that does the work, such as tcp://10.0.0.5:8786.
+    """
+
+    processes: int | None = None
+    scheduler: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Treatment:
+    """How every log is treated.
+
+    Parameters
+    ----------
+    model : str
+        Which processes to fit to static logs, as for `schuler characterize`.
+    repair : bool
+        Repair what the screening finds.
+    sweep : str
+        LENGTH:EVERY of the outages by which drives are judged, s.
+    aid : tuple of str
+        What is known of the vehicle: nhc, zupt, wheel.
+    gnss_position_sd, gnss_velocity_sd : float, optional
+        Standard deviations of receivers that state none, m and m/s.
+    """
+
+    model: str = "auto"
+    repair: bool = False
+    sweep: str = "30:60"
+    aid: tuple[str, ...] = ()
+    gnss_position_sd: float | None = None
+    gnss_velocity_sd: float | None = None
+
+
+def batch(
+    logs: Path,
+    /,
+    *,
+    out: Path,
+    retry: bool = False,
+    treatment: Treatment = Treatment(),
+    workforce: Workforce = Workforce(),
+    written: Written = Written(),
+) -> int:
+    """Measure every log of a folder or a table, and compare the sensors.
+
+    Static logs become noise coefficients with errors, drives (rows with a `gnss` file, or folders
+    with imu.* and gnss.*) are judged by GNSS outages. Everything is kept in one SQLite database;
+    what is in it already is not done again, and a log that cannot be used is listed and does not
+    stop the rest. `--noise DATABASE#SERIAL` then gives other verbs the noise model of a sensor.
+
+    Example: `schuler batch logs.csv --out fleet.sqlite --report fleet.html`
+
+    Parameters
+    ----------
+    logs : Path
+        Folder, or CSV or Parquet table with a column file and, where known, sensor, serial,
+        date, temperature (degrees Celsius), gnss and noise.
+    out : Path
+        Database; made, or gone on with.
+    retry : bool
+        Do the logs that failed again.
+    """
+    if "numpy" not in sys.modules:
+        from schuler.execution import one_thread
+
+        one_thread()
+    from schuler.execution import workers
+    from schuler.fleet import BatchSettings, FleetDatabase, list_logs, run_batch, summarise_fleet
+    from schuler.navigation.aiding.vehicle import check_constraints
+
+    job = Job(written, inputs=(logs,))
+    sweep = parse_numbers(treatment.sweep, 2, "--sweep LENGTH:EVERY, such as 30:60", ":")
+    settings = BatchSettings(
+        checked(treatment.model),
+        treatment.repair,
+        (sweep[0], sweep[1]),
+        check_constraints(treatment.aid),
+        treatment.gnss_position_sd,
+        treatment.gnss_velocity_sd,
+    )
+    entries, remarks = list_logs(logs)
+    crew = workers(workforce.processes, workforce.scheduler)
+    with FleetDatabase(out) as database:
+        if retry:
+            database.forget_failed()
+        with working(f"{len(entries)} logs by {crew.words}") as shown:
+            done = run_batch(
+                entries,
+                database,
+                settings,
+                executor=crew,
+                told=lambda file, k, n: shown.tell(f"{k} of {n}: {Path(file).name}", k / n),
+            )
+        summary = summarise_fleet(database)
+    return job.finish(
+        Result(
+            title=f"Fleet of {logs.stem}",
+            sections=(summary,),
+            show=lambda screen: show_fleet(screen, summary, done, remarks),
+            json=lambda: summary.to_dict() | {"remarks": list(remarks)},
+            settings={"database": out.name},
+            with_origin=True,
+            passed=not done.failures,
+        )
+    )
+
+
+def checked(model: str) -> str:
+    """Return the structure, or raise for one that does not exist."""
+    from schuler.estimation.parts import checked_model
+
+    return str(checked_model(model))
+
+
+def show_fleet(
+    screen: Screen, fleet: FleetSummary, done: BatchReport, remarks: tuple[str, ...]
+) -> None:
+    """Print what was done, the pooled values, and who stands out."""
+    from schuler.report.sections.fleet import drive_rows, outlier_rows, parameter_rows, trend_rows
+
+    screen.heading(
+        "Fleet", f"{done.done} logs done, {done.known} known before, {len(done.failures)} failed"
+    )
+    screen.findings((("info", text) for text in remarks), most=MOST)
+    screen.findings(
+        (("warning", f"{Path(file).name}: {why}") for file, why in done.failures), most=MOST
+    )
+    for columns, rows in (
+        parameter_rows(fleet), outlier_rows(fleet), trend_rows(fleet), drive_rows(fleet)
+    ):  # fmt: skip
+        if rows:
+            screen.table(columns, rows[: 3 * MOST], words=3)
+            screen.more(len(rows) - 3 * MOST)

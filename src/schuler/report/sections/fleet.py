@@ -1,0 +1,150 @@
+"""A fleet: pooled values, sensors that stand out, trends, drives, failures."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+
+from schuler.estimation.ieee952 import KEYS
+from schuler.fleet.summary import FleetParameter, FleetSummary
+from schuler.noise.parameter_names import parameter_kind
+from schuler.report.blocks import Block, Facts, FigureGrid, Finding, Findings, Section, Table
+from schuler.report.figures import axis, marks
+from schuler.report.makers import plot
+from schuler.report.numbers import MISSING, compact_with_error, number, percent
+from schuler.report.sections.recording import pretty
+from schuler.report.sections.registry import register
+from schuler.units import kind_of, scale
+
+Rows = tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]
+"""Column headings and rows."""
+MOST_UNITS = 60
+"""Sensors of a picture; the best of more are left out."""
+
+
+@register
+def fleet_sections(result: FleetSummary) -> tuple[Section, ...]:
+    """Show what a database says of a fleet."""
+    units = {(p.sensor, p.axis): p.units for p in result.parameters if p.name == "N"}
+    facts = Facts(
+        (
+            ("Logs", str(result.logs)),
+            ("Sensors", str(max(units.values(), default=0))),
+            ("Drives", str(len(result.drives))),
+            ("Failed", str(len(result.failures))),
+            ("Sensors that stand out", str(len({o.serial for o in result.outliers}))),
+        )
+    )
+    blocks: list[Block] = [facts, Findings(_findings(result))]
+    if len(result.worst) > 1:
+        blocks.append(_ranking(result))
+    for title, (columns, rows) in (
+        ("Pooled coefficients", parameter_rows(result)),
+        ("Sensors that stand out", outlier_rows(result)),
+        ("Trends", trend_rows(result)),
+        ("Drives, the worst first", drive_rows(result)),
+        ("Logs that failed", (("log", "why"), result.failures)),
+    ):
+        if rows:
+            blocks.append(Table(title, columns, tuple(rows), folded=len(rows) > 40))
+    return (Section("The fleet", tuple(blocks), _short(result)),)
+
+
+def _short(result: FleetSummary) -> tuple[str, ...]:
+    if not result.parameters:
+        return ()
+    white = [p for p in result.parameters if p.name == "N"]
+    apart = sum(not p.shared for p in white)
+    return (
+        f"{apart} of {len(white)} white noises differ from sensor to sensor beyond their errors."
+        if apart
+        else "One white noise describes all sensors.",
+    )
+
+
+def _findings(result: FleetSummary) -> tuple[Finding, ...]:
+    found: dict[str, list[str]] = defaultdict(list)
+    for one in result.outliers:
+        found[one.serial].append(f"{one.name} of {one.axis} is {one.ratio:.3g} times the fleet's")
+    items = [Finding("warning", f"{serial}: {'; '.join(t[:4])}.") for serial, t in found.items()]
+    items += [Finding("warning", f"{Path(file).name}: {why}") for file, why in result.failures[:12]]
+    return tuple(items) or (Finding("good", "No sensor stands out, and no log failed."),)
+
+
+def _ranking(result: FleetSummary) -> FigureGrid:
+    figures = []
+    for kind in dict.fromkeys(sensor for sensor, _, _ in result.worst):
+        ranked = [(u, r) for s, u, r in result.worst if s == kind][:MOST_UNITS]
+        place = np.arange(1, len(ranked) + 1)
+        trace = marks(place, [r for _, r in ranked], "@white", "white noise")
+        trace |= {"text": [u for u, _ in ranked], "hovertemplate": "%{text}: %{y:.3g}"}
+        title = f"White noise of {kind}" if kind else "White noise by sensor"
+        figures.append(
+            plot(
+                title,
+                "White noise of the loudest axis over the median of the fleet, the worst first.",
+                [trace],
+                axis("sensor, the worst first"),
+                axis("times the fleet's median"),
+            )
+        )
+    return FigureGrid(tuple(figures), (), 1, "The loudest axis of every sensor.")
+
+
+def _scaled(p: FleetParameter) -> tuple[str, float]:
+    kind = parameter_kind(p.axis, KEYS[p.name]) or ""
+    unit = kind_of(kind).datasheet
+    return pretty(unit), scale(unit, kind)
+
+
+def parameter_rows(fleet: FleetSummary) -> Rows:
+    """Return the pooled coefficients, each with how far the sensors differ."""
+    rows = []
+    for p in fleet.parameters:
+        unit, size = _scaled(p)
+        spread = MISSING if p.units < 2 else percent(p.spread)
+        shared = MISSING if math.isnan(p.p_value) else ("yes" if p.shared else "no")
+        value = compact_with_error(p.value / size, p.standard_error / size)
+        count = f"{p.logs}" + (f" (+{p.unseen} below)" if p.unseen else "")
+        rows.append((p.sensor, p.axis, p.name, value, unit, spread, shared, str(p.units), count))
+    columns = ("kind", "axis", "", "pooled", "unit", "spread", "one value", "sensors", "logs")
+    return columns, tuple(rows)
+
+
+def outlier_rows(fleet: FleetSummary) -> Rows:
+    """Return the sensors that stand out."""
+    return ("sensor that stands out", "axis", "", "times the fleet's", "p"), tuple(
+        (o.serial, o.axis, o.name, number(o.ratio), number(o.p_value, 1)) for o in fleet.outliers
+    )
+
+
+def trend_rows(fleet: FleetSummary) -> Rows:
+    """Return what changes with time or temperature."""
+    return ("trend", "axis", "", "change", "p"), tuple(
+        (
+            t.serial or f"all {t.sensor}".strip(),
+            t.axis,
+            t.name,
+            f"{100 * t.slope:+.3g} ± {100 * t.standard_error:.2g} % a {t.per}",
+            number(t.p_value, 1),
+        )
+        for t in fleet.trends
+    )
+
+
+def drive_rows(fleet: FleetSummary) -> Rows:
+    """Return the drives."""
+    names = ("causal mean of maxima", "causal inside 2 sigma", "smoothed mean of maxima",
+             "smoothed inside 2 sigma")  # fmt: skip
+    rows = []
+    for drive in fleet.drives:
+        cells = [drive.get(n) for n in names]
+        shown = [
+            MISSING if c is None else percent(c) if "inside" in n else f"{number(c)} m"
+            for n, c in zip(names, cells, strict=True)
+        ]
+        rows.append((Path(str(drive["file"])).name, str(drive["serial"]), *shown))
+    return ("drive", "serial", "causal", "inside 2 sigma", "smoothed", "inside"), tuple(rows)
