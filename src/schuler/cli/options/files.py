@@ -89,7 +89,8 @@ class Drive:
     gnss : Path
         GNSS recording: the same formats, or RTKLIB .pos.
     noise : Path, optional
-        Noise model as YAML, from `schuler characterize --noise-out`.
+        Noise model as YAML, from `schuler characterize --noise-out`, or DATABASE#SERIAL, what
+        `schuler batch` found of a sensor.
     """
 
     imu: Path
@@ -109,7 +110,8 @@ class Run:
     imu : Path, optional
         IMU recording: the same formats, or a folder with imu.* in it.
     noise : Path, optional
-        Noise model as YAML, from `schuler characterize --noise-out`.
+        Noise model as YAML, from `schuler characterize --noise-out`, or DATABASE#SERIAL, what
+        `schuler batch` found of a sensor.
     """
 
     gnss: Path

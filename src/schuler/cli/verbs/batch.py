@@ -156,9 +156,7 @@ def show_fleet(
         "Fleet", f"{done.done} logs done, {done.known} known before, {len(done.failures)} failed"
     )
     screen.findings((("info", text) for text in remarks), most=MOST)
-    screen.findings(
-        (("warning", f"{Path(file).name}: {why}") for file, why in done.failures), most=MOST
-    )
+    screen.findings((("warning", why) for _, why in done.failures), most=MOST)
     for columns, rows in (
         parameter_rows(fleet), outlier_rows(fleet), trend_rows(fleet), drive_rows(fleet)
     ):  # fmt: skip

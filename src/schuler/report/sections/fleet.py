@@ -46,7 +46,7 @@ def fleet_sections(result: FleetSummary) -> tuple[Section, ...]:
         ("Sensors that stand out", outlier_rows(result)),
         ("Trends", trend_rows(result)),
         ("Drives, the worst first", drive_rows(result)),
-        ("Logs that failed", (("log", "why"), result.failures)),
+        ("Logs that failed", (("why",), tuple((why,) for _, why in result.failures))),
     ):
         if rows:
             blocks.append(Table(title, columns, tuple(rows), folded=len(rows) > 40))
@@ -54,15 +54,24 @@ def fleet_sections(result: FleetSummary) -> tuple[Section, ...]:
 
 
 def _short(result: FleetSummary) -> tuple[str, ...]:
-    if not result.parameters:
-        return ()
-    white = [p for p in result.parameters if p.name == "N"]
+    white = [p for p in result.parameters if p.name == "N" and p.units > 1]
     apart = sum(not p.shared for p in white)
-    return (
-        f"{apart} of {len(white)} white noises differ from sensor to sensor beyond their errors."
-        if apart
-        else "One white noise describes all sensors.",
-    )
+    lines = []
+    if white:
+        lines.append(
+            f"White noise differs from sensor to sensor beyond its errors on {apart} of "
+            f"{len(white)} axes."
+            if apart
+            else "One white noise an axis describes all sensors."
+        )
+    standing = sorted({o.serial for o in result.outliers})
+    ageing = sorted({t.serial for t in result.trends if t.serial})
+    for verb, who in (("Standing out", standing), ("Changing with time", ageing)):
+        if who:
+            lines.append(f"{verb}: {', '.join(who[:6])}{' ...' if len(who) > 6 else ''}.")
+    if result.failures:
+        lines.append(f"{len(result.failures)} of {result.logs} logs could not be used.")
+    return tuple(lines[:3])
 
 
 def _findings(result: FleetSummary) -> tuple[Finding, ...]:
@@ -70,8 +79,7 @@ def _findings(result: FleetSummary) -> tuple[Finding, ...]:
     for one in result.outliers:
         found[one.serial].append(f"{one.name} of {one.axis} is {one.ratio:.3g} times the fleet's")
     items = [Finding("warning", f"{serial}: {'; '.join(t[:4])}.") for serial, t in found.items()]
-    items += [Finding("warning", f"{Path(file).name}: {why}") for file, why in result.failures[:12]]
-    return tuple(items) or (Finding("good", "No sensor stands out, and no log failed."),)
+    return tuple(items) or (Finding("good", "No sensor stands out."),)
 
 
 def _ranking(result: FleetSummary) -> FigureGrid:
@@ -79,7 +87,7 @@ def _ranking(result: FleetSummary) -> FigureGrid:
     for kind in dict.fromkeys(sensor for sensor, _, _ in result.worst):
         ranked = [(u, r) for s, u, r in result.worst if s == kind][:MOST_UNITS]
         place = np.arange(1, len(ranked) + 1)
-        trace = marks(place, [r for _, r in ranked], "@white", "white noise")
+        trace = marks(place, [r for _, r in ranked], "@white", "white noise", size=7)
         trace |= {"text": [u for u, _ in ranked], "hovertemplate": "%{text}: %{y:.3g}"}
         title = f"White noise of {kind}" if kind else "White noise by sensor"
         figures.append(
@@ -87,7 +95,8 @@ def _ranking(result: FleetSummary) -> FigureGrid:
                 title,
                 "White noise of the loudest axis over the median of the fleet, the worst first.",
                 [trace],
-                axis("sensor, the worst first"),
+                axis("sensor, the worst first")
+                | {"tickvals": place.tolist(), "ticktext": [u for u, _ in ranked]},
                 axis("times the fleet's median"),
             )
         )
