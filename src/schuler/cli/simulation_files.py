@@ -107,12 +107,13 @@ def _waypoints(path: Path) -> Profile:
     import numpy as np
     import polars
 
+    from schuler.io.tables.parquet_file import parquet_frame
     from schuler.simulation.motions.profile import from_waypoints
 
     if not path.is_file():
         raise InputError("there is no such file", where=str(path))
     try:
-        table = polars.read_parquet(path) if path.suffix == ".parquet" else polars.read_csv(path)
+        table = parquet_frame(path) if path.suffix == ".parquet" else polars.read_csv(path)
     except (polars.exceptions.PolarsError, OSError) as error:
         raise InputError(
             f"is no table: {str(error).splitlines()[0]}",

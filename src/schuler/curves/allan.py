@@ -15,6 +15,8 @@ from schuler.curves.confidence import (
     not_by_chance,
     power_law_degrees_of_freedom,
 )
+from schuler.curves.finite_signal import too_large
+from schuler.data._checks import numbers
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -80,12 +82,9 @@ def allan_deviation(
     """
     if kind != "overlapping":
         return family_deviation(signal, rate, taus, kind)
-    data = np.asarray(signal)
-    if data.ndim not in (1, 2) or data.dtype.kind not in "fiu":
-        raise InputError(
-            f"signal has shape {data.shape} and type {data.dtype}",
-            expected="numbers (n,) or (n, m)",
-        )
+    data = numbers(signal, "signal")
+    if data.ndim not in (1, 2):
+        raise InputError(f"signal has shape {data.shape}", expected="numbers (n,) or (n, m)")
     if len(data) < 3:
         raise InputError(f"signal has {len(data)} samples", expected="at least 3")
     if not (np.isfinite(rate) and rate > 0.0):
@@ -150,6 +149,8 @@ def _variances(columns: NDArray[np.generic], factors: NDArray[np.int64]) -> Floa
             if not np.isfinite(theta[j, -1]):
                 _refuse(values[:, j], start + j)
             allan_sums(theta[j], factors, sums, _BLOCK)
+            if not np.isfinite(sums).all():
+                raise too_large()
             out[:, start + j] = sums / terms
     return out
 

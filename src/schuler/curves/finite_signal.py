@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from schuler.data._checks import numbers
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -16,10 +17,10 @@ LARGEST = 1e120
 
 def finite_samples(signal: ArrayLike, *, shortest: int, columns: bool = False) -> FloatArray:
     """Return a signal as float64, or say what is wrong with it."""
-    values = np.asarray(signal)
-    if values.ndim not in ((1, 2) if columns else (1,)) or values.dtype.kind not in "fiu":
+    values = numbers(signal, "signal")
+    if values.ndim not in ((1, 2) if columns else (1,)):
         raise InputError(
-            f"signal has shape {values.shape} and type {values.dtype}",
+            f"signal has shape {values.shape}",
             expected="numbers (n,) or (n, m)" if columns else "numbers (n,), one channel at a time",
         )
     if len(values) < shortest or values.size == 0:
@@ -33,12 +34,17 @@ def finite_samples(signal: ArrayLike, *, shortest: int, columns: bool = False) -
         )
     out = np.asarray(values, dtype=np.float64)
     if max(float(out.max()), -float(out.min())) > LARGEST:
-        raise InputError(
-            "signal holds numbers beyond 1e120",
-            expected="SI units",
-            cure="check the unit or the reading of the file",
-        )
+        raise too_large()
     return out
+
+
+def too_large() -> InputError:
+    """Return the error for numbers whose squares no number can hold."""
+    return InputError(
+        "signal holds numbers beyond 1e120",
+        expected="SI units",
+        cure="check the unit or the reading of the file",
+    )
 
 
 def checked_rate(rate: float) -> float:

@@ -15,12 +15,14 @@ from schuler.curves.confidence import (
     local_slope,
     power_law_degrees_of_freedom,
 )
+from schuler.curves.finite_signal import LARGEST, too_large
 from schuler.curves.robust import (
     BiweightTuning,
     biweight_tuning,
     median_scale,
     robust_variance,
 )
+from schuler.data._checks import numbers
 from schuler.data.exportable import Exportable
 from schuler.errors import EstimationError, InputError
 from schuler.noise import Process
@@ -223,11 +225,10 @@ def robust_inflation(factors: NDArray[np.int64], efficiency: float) -> FloatArra
 
 
 def _checked(signal: ArrayLike, rate: float) -> FloatArray:
-    data = np.asarray(signal)
-    if data.ndim != 1 or data.dtype.kind not in "fiu":
+    data = numbers(signal, "signal")
+    if data.ndim != 1:
         raise InputError(
-            f"signal has shape {data.shape} and type {data.dtype}",
-            expected="numbers (n,), one channel at a time",
+            f"signal has shape {data.shape}", expected="numbers (n,), one channel at a time"
         )
     if data.size < _FEWEST_SAMPLES:
         raise EstimationError(
@@ -245,6 +246,8 @@ def _checked(signal: ArrayLike, rate: float) -> FloatArray:
             expected="finite numbers",
             cure="remove or repair these rows first",
         )
+    if max(float(values.max()), -float(values.min())) > LARGEST:
+        raise too_large()
     return values
 
 

@@ -11,9 +11,37 @@ from schuler.errors import InputError
 from schuler.types import FloatArray
 
 
+def numbers(values: ArrayLike, what: str) -> NDArray[Any]:
+    """Return real numbers as an array (columns of pandas and polars too), not copied if possible.
+
+    A mask that hides anything is refused, for the numbers below it mean nothing; so is what holds
+    no real numbers: objects, text, dates, complex numbers.
+    """
+    if np.ma.is_masked(values):
+        raise InputError(
+            f"{what} is a masked array with {int(np.ma.count_masked(values))} values hidden",
+            expected="numbers throughout",
+            cure="cut it where it is masked, or fill the gaps first",
+        )
+    convert = getattr(values, "to_numpy", None)
+    try:
+        array = np.asarray(values if convert is None else convert())
+        if array.dtype == object and convert is not None:  # pandas columns with missing values
+            array = convert(dtype="float64", na_value=np.nan)
+    except (TypeError, ValueError, OverflowError) as error:
+        reason = str(error).splitlines()[0][:80]
+        raise InputError(f"{what} is no array of numbers ({reason})") from None
+    if array.dtype.kind not in "iuf":
+        raise InputError(
+            f"{what} has shape {array.shape} and type {array.dtype}",
+            expected="an array of real numbers",
+        )
+    return array
+
+
 def frozen(values: ArrayLike, what: str, shape: tuple[int | None, ...]) -> FloatArray:
     """Return a read-only float64 array of the given shape (None: any length)."""
-    array = np.ascontiguousarray(values, dtype=np.float64)
+    array = np.asarray(numbers(values, what), dtype=np.float64, order="C")
     fits = array.ndim == len(shape) and all(
         want is None or have == want for have, want in zip(array.shape, shape, strict=True)
     )

@@ -13,6 +13,9 @@ from schuler.types import FloatArray
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
+_LARGEST = 1e9
+"""No inertial sensor measures more, in rad/s or m/s²; what does was not read rightly."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuRecording(Exportable):
@@ -80,8 +83,14 @@ class ImuRecording(Exportable):
                 continue
             for j, axis in enumerate("xyz"):
                 column = array[:, j]
-                if not np.isnan(column).all():
+                low, high = float(column.min()), float(column.max())
+                if not (low >= -_LARGEST and high <= _LARGEST) and not np.isnan(column).all():
                     check_finite(column, f"{sensor}_{axis}")
+                    raise InputError(
+                        f"{sensor}_{axis} holds numbers from {low:.3g} to {high:.3g}",
+                        expected="rad/s and m/s²",
+                        cure="check the unit or the reading of the file",
+                    )
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "gyro", gyro)
         object.__setattr__(self, "accel", accel)

@@ -12,6 +12,7 @@ from schuler.data._checks import check_finite, frozen
 from schuler.data.exportable import Exportable
 from schuler.data.imu import ImuRecording
 from schuler.data.table import write_text
+from schuler.data.yaml_file import read_yaml
 from schuler.errors import InputError
 from schuler.types import FloatArray
 
@@ -154,14 +155,8 @@ class ImuCalibration(Exportable):
         InputError
             No YAML, another kind of file, or fields that are missing or wrong.
         """
-        import yaml
-
         place = str(path)
-        try:
-            content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            reason = str(error).splitlines()[0]
-            raise InputError(f"this is no YAML ({reason})", where=place) from None
+        content = read_yaml(path, "a calibration of one IMU")
         if not isinstance(content, dict) or content.get("kind") != FILE_KIND:
             raise InputError(
                 "this is no calibration of one IMU",
@@ -173,7 +168,7 @@ class ImuCalibration(Exportable):
             values = {f.name: content[f.name] for f in fields(cls)}
             values["findings"] = tuple(str(v) for v in values["findings"])
             return cls(**values)
-        except (TypeError, ValueError, KeyError) as error:
+        except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
             raise InputError(f"a field cannot be read ({error})", where=place) from None
         except InputError as error:
             raise error.at(place) from None

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from schuler.data._checks import check_finite, frozen
 from schuler.data.exportable import Exportable
+from schuler.data.yaml_file import read_yaml
 from schuler.errors import InputError
 from schuler.rotations import dcm_from_euler
 from schuler.types import FloatArray
@@ -141,13 +142,8 @@ def read_mounting(path: Path) -> tuple[tuple[str, ...], Mounting]:
     Every entry has a ``rotation`` (three rows of C_bs) or ``roll_pitch_yaw_deg``, which turn the
     axes of the body into those of the IMU; ``position_m`` is zero if left out.
     """
-    import yaml
-
     place = str(path)
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"this is no YAML ({str(error).splitlines()[0]})", where=place) from None
+    content = read_yaml(path, "a mounting")
     if not isinstance(content, dict) or content.get("kind") != FILE_KIND:
         raise InputError(
             "this is no mounting", expected=f"a file whose kind is '{FILE_KIND}'", where=place
@@ -158,7 +154,7 @@ def read_mounting(path: Path) -> tuple[tuple[str, ...], Mounting]:
         rotation = np.array([_rotation_of(e) for e in entries])
         position = np.array([e.get("position_m", (0.0, 0.0, 0.0)) for e in entries], np.float64)
         return names, Mounting(rotation, position)
-    except (TypeError, ValueError, KeyError, AttributeError) as error:
+    except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
         raise InputError(
             f"an entry cannot be read ({error})",
             expected="imus: a list with name, rotation or roll_pitch_yaw_deg, and position_m",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from schuler.data._checks import check_finite
+from schuler.data._checks import check_finite, numbers
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.products import dot
 from schuler.types import FloatArray
@@ -21,7 +21,7 @@ _LOOKED_AT = 262_144
 
 def checked_signal(signal: ArrayLike, fewest: int, *, varying: bool = True) -> FloatArray:
     """Return a signal as a float64 array that can be fitted."""
-    values = np.ascontiguousarray(signal, dtype=np.float64)
+    values = np.ascontiguousarray(numbers(signal, "signal"), dtype=np.float64)
     if values.ndim != 1:
         raise InputError(f"signal has shape {values.shape}", expected="(n,), one channel at a time")
     check_finite(values, "signal")
@@ -112,11 +112,9 @@ class Series:
 
 def prepare(signal: ArrayLike, *, fewest: int, remove_mean: bool = True) -> Series:
     """Check a signal, take its mean off and scale it."""
-    data = np.asarray(signal)
-    if data.ndim != 1 or data.dtype.kind not in "fiu":
-        raise InputError(
-            f"signal has shape {data.shape} and type {data.dtype}", expected="numbers (n,)"
-        )
+    data = numbers(signal, "signal")
+    if data.ndim != 1:
+        raise InputError(f"signal has shape {data.shape}", expected="numbers (n,)")
     if data.size < fewest:
         raise InputError(f"signal has {data.size} samples", expected=f"at least {fewest}")
     data = data.astype(np.float64, copy=False)

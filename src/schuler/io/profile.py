@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.table import write_text
+from schuler.data.yaml_file import read_yaml
 from schuler.errors import InputError
 from schuler.io.options import ReadOptions
 
@@ -20,14 +21,8 @@ _TAKEN = re.compile(r"(?P<what>gyro|accel|time) taken as (?P<unit>[^\s:,;]+)")
 
 def load_profile(path: str | Path, kind: Kind) -> dict[str, Any]:
     """Return the options of a profile for a file of an IMU or of a receiver."""
-    import yaml
-
     file = Path(path)
-    try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"the profile cannot be read ({reason})", where=str(file)) from None
+    content = read_yaml(file, "a profile of a logger")
     if not isinstance(content, dict) or not set(content) <= {"imu", "gnss"}:
         raise InputError(
             "this is no profile",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from schuler.data.trajectory import NavigationSolution
 from schuler.errors import InputError
+from schuler.io.tables.parquet_file import parquet_frame
 
 FORMS = (".parquet", ".csv")
 
@@ -62,20 +63,10 @@ def _digits(name: str) -> int:
 
 def read_columns(path: str | Path) -> dict[str, NDArray[np.float64]]:
     """Read the columns of a trajectory that `write_trajectory` wrote as Parquet."""
-    import polars
-
     file = Path(path)
     if not file.is_file():
         raise InputError("no such file", where=str(file))
-    try:
-        frame = polars.read_parquet(file, glob=False)
-    except (polars.exceptions.PolarsError, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(
-            f"cannot be read as Parquet ({reason})",
-            expected="a trajectory from `schuler navigate --out`",
-            where=str(file),
-        ) from None
+    frame = parquet_frame(file)
     needed = {"time_s", "latitude_deg", "longitude_deg", "height_m"}
     if not needed <= set(frame.columns):
         raise InputError(

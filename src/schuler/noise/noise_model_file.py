@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.data.imu import CHANNELS
+from schuler.data.yaml_file import read_yaml
 from schuler.errors import InputError, SchulerError
 from schuler.noise.base import Process, ProcessSum
 from schuler.noise.effects import TERMS, Effect
@@ -22,6 +23,7 @@ _HEADER = """\
 # unit is taken as SI (rad, m, s, Hz).
 """
 _PLUS_MINUS = re.compile(r"^\s*(?P<value>\S+)\s*(?:\+-|\+/-|±)\s*(?P<error>\S+)(?P<unit>.*)$")
+_PLAIN = re.compile(r"\s*[-+]?(?:[0-9.]+(?:[eE][-+]?[0-9]+)?|inf|nan)\s*$", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +146,7 @@ def _text(channel: str, key: str, value: float, errors: Mapping[str, float], uni
 def read_noise_model(path: str | Path) -> Content:
     """Read a noise model from YAML."""
     where = str(path)
-    content = _mapping(_parse_yaml(path), where)
+    content = _mapping(read_yaml(path, "a noise model"), where)
     _only(content, {"source", "rate", "channels", "excluded", "effects"}, where)
     if "channels" not in content:
         raise InputError("key 'channels' is missing", expected="channels: gyro_x: ...", where=where)
@@ -171,26 +173,6 @@ def read_noise_model(path: str | Path) -> Content:
         limits=limits,
         effects=_read_effects(content.get("effects"), f"{where}: effects"),
     )
-
-
-def _parse_yaml(path: str | Path) -> Any:
-    import yaml
-
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"cannot be read ({error.strerror})", expected="a noise model", where=str(path)
-        ) from None
-    except UnicodeDecodeError:
-        raise InputError("is not text", expected="a noise model (YAML)", where=str(path)) from None
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"{path}: line {mark.line + 1}" if mark else str(path)
-        problem = getattr(error, "problem", None) or "cannot be parsed"
-        raise InputError(f"not YAML: {problem}", expected="a noise model", where=place) from None
 
 
 def _mapping(value: Any, where: str) -> dict[str, Any]:
@@ -311,11 +293,13 @@ def _number(value: Any, kind: str | None, where: str) -> tuple[float, float | No
 
 
 def _one(value: Any, kind: str | None) -> float:
-    try:
-        # YAML takes 1e-4 (no point) for text; a bare number is SI
-        plain = float(value)
-    except ValueError:
-        plain = None
+    # YAML takes 1e-4 (no point) for text; a bare number is SI
+    plain = None
+    if not isinstance(value, str) or _PLAIN.match(value):
+        try:
+            plain = float(value)
+        except OverflowError:
+            plain = float("inf")
     if plain is None:
         if kind is None:
             raise InputError(f"'{value}' is not a number", expected="a plain number")

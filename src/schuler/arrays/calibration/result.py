@@ -15,6 +15,7 @@ from schuler.arrays.clocks.resampling import rate_of_change
 from schuler.data import ImuArray, Mounting
 from schuler.data._checks import check_finite, frozen
 from schuler.data.exportable import Exportable
+from schuler.data.yaml_file import read_yaml
 from schuler.errors import InputError
 from schuler.rotations import orthonormalize, rotation_vector_from_dcm
 from schuler.types import FloatArray
@@ -300,14 +301,8 @@ class ArrayCalibration(Exportable):
             No YAML, another kind of file, another version, or fields that are missing or of the
             wrong shape.
         """
-        import yaml
-
         place = str(path)
-        try:
-            content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            reason = str(error).splitlines()[0]
-            raise InputError(f"this is no YAML ({reason})", where=place) from None
+        content = read_yaml(path, "a calibration of an array")
         if not isinstance(content, dict) or content.get("kind") != FILE_KIND:
             raise InputError(
                 "this is no calibration of an array",
@@ -327,7 +322,7 @@ class ArrayCalibration(Exportable):
         try:
             values = {f.name: _field(f.name, content[f.name]) for f in fields(cls)}
             return cls(**values)
-        except (TypeError, ValueError, KeyError) as error:
+        except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
             raise InputError(f"a field cannot be read ({error})", where=place) from None
         except InputError as error:
             raise error.at(place) from None

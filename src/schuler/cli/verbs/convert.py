@@ -91,11 +91,12 @@ def _trajectory(source: Path) -> dict[str, Any] | None:
     """Return the columns of a trajectory of ours; None when the file is something else."""
     import polars
 
+    from schuler.io.tables.parquet_file import parquet_frame, parquet_schema
+
     try:
         if source.suffix.lower() == ".parquet":
-            names = polars.read_parquet_schema(source)
-            if set(names) >= _TRACK:
-                frame = polars.read_parquet(source, glob=False)
+            if set(parquet_schema(source)[0]) >= _TRACK:
+                frame = parquet_frame(source)
                 return {n: frame[n].to_numpy() for n in frame.columns}
         elif source.suffix.lower() == ".csv":
             with source.open(encoding="utf-8", errors="replace") as stream:
@@ -103,8 +104,8 @@ def _trajectory(source: Path) -> dict[str, Any] | None:
             if head >= _TRACK:
                 frame = polars.read_csv(source, glob=False)
                 return {n: frame[n].to_numpy() for n in frame.columns}
-    except (polars.exceptions.PolarsError, OSError):
-        return None
+    except (polars.exceptions.PolarsError, OSError, InputError):
+        return None  # the reader of recordings says what is wrong
     return None
 
 

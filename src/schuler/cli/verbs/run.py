@@ -71,15 +71,10 @@ def run(job: Path | None = None, /, *, example: bool = False) -> int:
 
 def _steps(job: Path) -> Iterator[list[str]]:
     """Yield the arguments of every step."""
-    import yaml
-
     from schuler.cli.registry import verbs
+    from schuler.data.yaml_file import read_yaml
 
-    try:
-        read = yaml.safe_load(job.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        text = " ".join(str(error).split())
-        raise InputError(f"is no YAML: {text}", where=str(job)) from None
+    read = read_yaml(job, "a job: a list of steps")
     if not isinstance(read, list) or not read:
         raise InputError("holds no list of steps", expected="schuler run --example", where=str(job))
     for number, step in enumerate(read, 1):

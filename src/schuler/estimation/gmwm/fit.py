@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.curves.wavelet_variance import WaveletVarianceCurve, wavelet_variance
+from schuler.data._checks import numbers
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.disturbances.outliers import contamination
 from schuler.estimation.gmwm.moments import MomentFit, fit_moments, heterogeneity
@@ -160,7 +160,7 @@ def _fits(fit: MomentFit, curves: Sequence[WaveletVarianceCurve], granted: float
 
 def one_channel(signal: ArrayLike) -> NDArray[Any]:
     """Check that a signal is one channel of at least a hundred samples."""
-    values = np.asarray(signal)
+    values = numbers(signal, "signal")
     if values.ndim != 1:
         raise InputError(f"signal has shape {values.shape}", expected="(n,), one channel at a time")
     if values.size < _SHORTEST_RECORD:

@@ -12,6 +12,7 @@ from schuler.io.columns import bare
 from schuler.io.format import Format, What
 from schuler.io.source import Columns
 from schuler.io.tables.numbers import RATE_NAMES, positive_rate, seconds_of_nanoseconds
+from schuler.io.tables.parquet_file import parquet_frame, parquet_schema
 from schuler.io.trajectories.table import recording_parquet, write_parquet
 
 if TYPE_CHECKING:
@@ -57,10 +58,7 @@ class ParquetSource:
                 expected="one number a row",
                 where=f"{self.path}, column '{other[0]}'",
             )
-        try:
-            frame = polars.read_parquet(self.path, glob=False, columns=list(dict.fromkeys(names)))
-        except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
-            raise _damaged(self.path, error) from None
+        frame = parquet_frame(self.path, tuple(dict.fromkeys(names)))
         columns: Columns = {}
         for name in names:
             series = frame[name]
@@ -81,27 +79,11 @@ class ParquetSource:
         return f"{self.path}, row {row}{column}"
 
 
-def _damaged(path: Path, error: Exception) -> InputError:
-    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-    return InputError(
-        f"the Parquet file is cut short or damaged ({reason[:80]})",
-        expected="a complete Parquet file",
-        cure="copy or write it again",
-        where=str(path),
-    )
-
-
 def open_parquet(path: Path, what: What, options: ReadOptions) -> ParquetSource:
     """Open a Parquet file."""
     import polars
 
-    try:
-        # Opened here: a path with brackets would be taken for a pattern.
-        with path.open("rb") as file:
-            schema = polars.read_parquet_schema(file)
-        metadata = polars.read_parquet_metadata(path)
-    except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
-        raise _damaged(path, error) from None
+    schema, metadata = parquet_schema(path)
     kinds = {}
     for name, dtype in schema.items():
         if dtype.is_numeric() or dtype == polars.Boolean:
