@@ -40,7 +40,9 @@ __all__ = [
     "scale",
 ]
 
-_NUMBER = re.compile(r"\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<rest>.*)$", re.S)
+_NUMBER = re.compile(
+    r"\s*(?P<number>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?P<rest>.*)$", re.S
+)
 
 
 @dataclass(frozen=True, slots=True)

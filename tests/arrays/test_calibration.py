@@ -265,7 +265,7 @@ def test_it_keeps_in_a_file_and_files_are_checked(tmp_path: Path) -> None:
     text = (tmp_path / "array.yaml").read_text()
     for wrong, words in (
         ("kind: other\n", "no calibration"),
-        ("a: [", "no YAML"),
+        ("a: [", "not YAML"),
         (text.replace("position:", "place:", 1), "'position' is missing"),
         (text.replace("version: 1", "version: 9"), "version 9"),
         (text.replace("noise: ", "noise: x"), "cannot be read"),

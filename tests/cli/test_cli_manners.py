@@ -99,7 +99,7 @@ def test_a_job_runs_step_by_step_and_is_checked_before_it_begins(
     [
         ("- navigat: x\n", "step 1 begins with 'navigat'"),
         ("{a: 1}\n", "holds no list of steps"),
-        ("- [\n", "is no YAML"),
+        ("- [\n", "not YAML"),
         ("- run: x\n", "step 1 begins with 'run'"),
     ],
 )

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from schuler import ArrayCalibration, ImuCalibration, InputError, NoiseModel
+from schuler import ArrayCalibration, ImuCalibration, InputError, NoiseModel, SchulerError
 from schuler.data.mounting import read_mounting
 from schuler.data.yaml_file import read_yaml
 
@@ -70,9 +70,11 @@ def test_every_file_of_ours_is_read_with_the_limits(tmp_path, load):
         load(path)
 
 
-@pytest.mark.parametrize("value", ["1_000", "١٢", "0x10", "1e400", ".inf", "2024-01-01", "yes"])
+@pytest.mark.parametrize(
+    "value", ["1_000", "١٢", "'١٢ deg/sqrt(h)'", "0x10", "1e400", ".inf", "2024-01-01", "yes"]
+)
 def test_a_number_of_a_noise_model_is_plain_digits(tmp_path, value):
     path = tmp_path / "x.yaml"
     path.write_text(f"channels:\n  gyro_x:\n    - white_noise: {{density: {value}}}\n")
-    with pytest.raises(InputError):
+    with pytest.raises(SchulerError):
         NoiseModel.load(path)

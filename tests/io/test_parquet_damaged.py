@@ -24,8 +24,8 @@ def test_sizes_that_polars_would_allocate_are_refused(good, tmp_path):
     """A number of values of a page header, made negative as one flipped bit does."""
     data = bytearray(good.read_bytes())
     damaged = tmp_path / "damaged.parquet"
-    where = data.index(bytes([0x15, 0xF0, 0x01, 0x15]))  # 120 values, zigzag
-    data[where + 1] = 0xEF
+    where = data.index(b"\x2c\x15")  # header of a data page, then its first number
+    data[where + 2] ^= 1
     damaged.write_bytes(data)
     with pytest.raises(InputError, match="damaged"):
         parquet_frame(damaged)
@@ -38,7 +38,7 @@ def test_flipped_bytes_of_footer_and_headers_never_leave_this_process(good, tmp_
     footer = len(data) - 8 - int.from_bytes(data[-8:-4], "little")
     damaged = tmp_path / "damaged.parquet"
     refused = 0
-    for place in rng.integers(footer, len(data), 300):
+    for place in rng.integers(footer, len(data), 150):
         wrong = bytearray(data)
         wrong[place] = rng.integers(256)
         damaged.write_bytes(wrong)
@@ -47,7 +47,7 @@ def test_flipped_bytes_of_footer_and_headers_never_leave_this_process(good, tmp_
             parquet_frame(damaged)
         except InputError:
             refused += 1
-    assert refused > 100
+    assert refused > 50
 
 
 @pytest.mark.parametrize("kept", [4, 11, 200, -1, -9])

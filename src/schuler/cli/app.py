@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from io import TextIOWrapper
 
 from cyclopts import App, Parameter
@@ -52,7 +54,20 @@ def program(arguments: Sequence[str]) -> App:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and turn every error into one line."""
+    """Run one command and turn every error into one line; nothing temporary is left behind."""
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115, PTH123 (until the end)
+    if sys.stdout is None:
+        return _bad_input("standard output is closed; > /dev/null hides what is printed")
+    try:
+        return _run(arguments)
+    finally:
+        output_file = sys.modules.get("schuler.data.output_file")
+        if output_file is not None:
+            output_file.release_all()
+
+
+def _run(arguments: Sequence[str]) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # A terminal that cannot show a letter shows its escape; that must not end the run.
@@ -78,17 +93,26 @@ def run(arguments: Sequence[str]) -> int:
         return INTERRUPTED
     except BrokenPipeError:
         # The reader of our output is gone (as in `| head`): not an error, but stop quietly.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_stdout()
         return GOOD
     except OSError as error:
         if error.errno is None:  # not of the operating system, so not the user's doing
             return _bug(error)
+        if error.errno in (errno.ENOSPC, errno.EIO) and not error.filename:
+            _forget_stdout()  # files of ours name themselves
+            return _bad_input(f"standard output cannot be written ({error.strerror})")
         place = f"{error.filename}: " if error.filename else ""
         return _bad_input(f"{place}{error.strerror or error}")
     except MemoryError:
         return _bad_input("not enough memory for this input; cut it into parts")
     except Exception as error:
         return _bug(error)
+
+
+def _forget_stdout() -> None:
+    """Send what is still to be printed nowhere, so that nothing fails a second time at exit."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _behave(arguments: Sequence[str]) -> list[str]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from schuler.data.output_file import OutputFile
 from schuler.errors import InputError
 
 STDOUT = Path("-")
@@ -39,14 +40,27 @@ class Outputs:
     """
 
     def __init__(self, *paths: Path | None, inputs: Iterable[Path] = ()) -> None:
+        self._claimed: dict[Path, OutputFile] = {}
         self._jobs: list[tuple[Path, Callable[[Path], None]]] = []
         self._spoken: list[str] = []
-        read = {p.resolve() for p in inputs}
-        seen: set[Path] = set()
+        read = tuple(inputs)
         for path in paths:
             if path is not None and path != STDOUT:
-                _check(path, read, seen)
-                seen.add(path.resolve())
+                self._claim(path, read)
+
+    def _claim(self, path: Path, read: tuple[Path, ...] = ()) -> OutputFile:
+        """Take a file for this run, so that a second run at the same file is told of it."""
+        _check(path, read, self._claimed)
+        found = OutputFile(path)
+        if found.others and not found.special:
+            found.release()
+            raise InputError(
+                "another run of schuler is about to write it",
+                expected="another name, or that run at its end",
+                where=str(path),
+            )
+        self._claimed[path] = found
+        return found
 
     def text(self, path: Path | None, make: Callable[[], str]) -> None:
         """Add a file of text, or nothing when `path` is None."""
@@ -65,42 +79,40 @@ class Outputs:
 
     def commit(self) -> tuple[Path, ...]:
         """Write all files; none appears before all are complete."""
-        self._write_from(0)
+        try:
+            for path, write in self._jobs:
+                (self._claimed.get(path) or self._claim(path)).fill(write)
+            for path, _ in self._jobs:
+                self._claimed[path].publish()
+        finally:
+            for claimed in self._claimed.values():
+                claimed.release()
         for content in self._spoken:
             sys.stdout.write(content)
         return tuple(path for path, _ in self._jobs)
-
-    def _write_from(self, k: int) -> None:
-        from schuler.data.table import write_atomically
-
-        if k == len(self._jobs):
-            return
-        path, write = self._jobs[k]
-
-        def write_and_go_on(temporary: Path) -> None:
-            write(temporary)
-            self._write_from(k + 1)
-
-        write_atomically(path, write_and_go_on)
 
 
 def _write(path: Path, content: str) -> None:
     path.write_text(content, encoding="utf-8", newline="\n")
 
 
-def _check(path: Path, read: set[Path], seen: set[Path]) -> None:
+def _check(path: Path, read: Iterable[Path], seen: Iterable[Path]) -> None:
     if path.is_dir():
         raise InputError("is a folder", expected="a file to write", where=str(path))
-    folder = path.parent
-    if not folder.is_dir():
+    if not path.parent.is_dir():
         raise InputError(
             "its folder does not exist",
             expected="an existing folder that can be written",
             where=str(path),
         )
-    if not os.access(folder, os.W_OK):
-        raise InputError("its folder cannot be written", where=str(path))
-    if path.resolve() in read:
+    if any(_same(path, other) for other in read):
         raise InputError("is also an input", expected="another name", where=str(path))
-    if path.resolve() in seen:
+    if any(_same(path, other) for other in seen) and (path.is_file() or not path.exists()):
         raise InputError("is named for two outputs", expected="two names", where=str(path))
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Tell whether two names are of one file, through links of either kind."""
+    if one.exists() and other.exists():
+        return one.samefile(other)
+    return os.path.realpath(one) == os.path.realpath(other)

@@ -2,38 +2,23 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.errors import InputError
+from schuler.data.output_file import OutputFile
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], None]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it to `path`."""
-    target = Path(path)
+    output = OutputFile(path)
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent or ".")
-    except OSError as error:
-        raise InputError(
-            f"cannot write there ({error.strerror})",
-            expected="an existing folder that can be written",
-            where=str(target),
-        ) from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(target)
+        output.fill(write)
+        output.publish()
     finally:
-        temporary.unlink(missing_ok=True)
+        output.release()
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -276,10 +276,9 @@ class ArrayCalibration(Exportable):
         path : str or Path
             File to write.
         """
-        from schuler.data.table import write_atomically
+        from schuler.data.table import write_text
 
-        text = self.to_yaml()
-        write_atomically(Path(path), lambda temporary: _write(temporary, text))
+        write_text(path, self.to_yaml())
 
     @classmethod
     def load(cls, path: str | Path) -> ArrayCalibration:
@@ -334,10 +333,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Disagreement):
         return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
     return [_plain(v) for v in value] if isinstance(value, tuple) else value
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _field(name: str, value: Any) -> Any:

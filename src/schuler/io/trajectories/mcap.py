@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from schuler.data.output_file import workspace
 from schuler.io.format import TrackColumns, lacking
 from schuler.io.trajectories.frames import local_poses, place, velocity
 
@@ -22,8 +23,8 @@ def _write(path: Path, messages: Iterable[_Message], types: Any) -> None:
     """Write a bag and keep the one file of it."""
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        bag = Path(folder) / "bag"
+    bag = workspace(path)
+    try:
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             connections: dict[str, Any] = {}
             for topic, kind, time, message in messages:
@@ -31,7 +32,9 @@ def _write(path: Path, messages: Iterable[_Message], types: Any) -> None:
                     connections[topic] = writer.add_connection(topic, kind, typestore=types)
                 raw = types.serialize_cdr(message, kind)
                 writer.write(connections[topic], round(max(time, 0.0) * 1e9), raw)
-        next(bag.glob("*.mcap")).replace(path)
+        shutil.copyfile(next(bag.glob("*.mcap")), path)
+    finally:
+        shutil.rmtree(bag, ignore_errors=True)
 
 
 def _types(path: Path) -> Any:
