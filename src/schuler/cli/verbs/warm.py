@@ -26,4 +26,5 @@ def warm() -> None:
             shown.share((k + 1) / len(REHEARSALS))
     screen = Screen()
     screen.line(f"All kernels are compiled ({time.monotonic() - began:.1f} s).")
-    screen.line(f"Kept in {cache_directory()}", "dim")
+    kept = cache_directory()
+    screen.line("Kept nowhere" if kept is None else f"Kept in {kept}", "dim")
