@@ -61,6 +61,11 @@ def plain_text(text: str, style: str = "") -> Text:
     return Text(printable(text), style=style)
 
 
+def _reader_left() -> None:
+    """Let the program end quietly; rich alone would exit with 1."""
+    raise BrokenPipeError
+
+
 class Screen:
     """The terminal of one command.
 
@@ -78,6 +83,7 @@ class Screen:
         self.console: Console = Console(**how)  # type: ignore[arg-type]
         if not self.console.is_terminal:
             self.console = Console(**how, width=PIPE_WIDTH)  # type: ignore[arg-type]
+        self.console.on_broken_pipe = _reader_left  # type: ignore[method-assign]
 
     def heading(self, text: str, detail: str = "") -> None:
         """Print a heading with a quieter detail behind it."""
