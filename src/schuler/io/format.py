@@ -149,8 +149,8 @@ def lacking(package: str, extra: str, path: Path) -> InputError:
 
 def damaged(path: Path, title: str, error: Exception) -> InputError:
     """Return the error for a file that its reader could not follow to the end."""
-    lines = str(error).splitlines()
-    reason = lines[0][:80] if lines else type(error).__name__
+    lines = str(error).splitlines() or [""]
+    reason = f"{type(error).__name__}: {lines[0][:80]}".rstrip(": ")
     return InputError(
         f"the file is cut short or damaged ({reason})",
         expected=f"a complete file of {title}",

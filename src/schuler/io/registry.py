@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler.errors import InputError
-from schuler.io.format import Format, Start, What
+from schuler.io.format import Format, Start, What, damaged
 from schuler.io.source import Source, existing_file
 from schuler.io.tables.foreign import refuse_foreign
 from schuler.plugins import plugins
@@ -149,7 +149,9 @@ def open_with(one: Format, path: Path, what: What, options: Any) -> Source:
         if one in _of_users():
             raise _broken(one, f"failed to open {path.name} ({type(error).__name__}: {error})",
                           "a Source, or an InputError") from error  # fmt: skip
-        raise
+        if isinstance(error, (MemoryError, OSError)):
+            raise
+        raise damaged(path, one.title, error) from error
     lacks = [m for m in ("path", "names", "units", "rate", "history", "assumptions", "is_text",
                          "load", "place") if not hasattr(source, m)]  # fmt: skip
     if lacks:

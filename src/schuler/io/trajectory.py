@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,19 @@ def write_columns(
         return
     import polars
 
-    frame = polars.DataFrame({n: np.round(c, _digits(n)) for n, c in columns.items()})
+    frame = polars.DataFrame({_inert(n): _cells(n, c) for n, c in columns.items()})
     write_atomically(path, lambda temporary: frame.write_csv(temporary))
+
+
+def _cells(name: str, values: NDArray[Any]) -> Any:
+    if values.dtype.kind == "f":
+        return np.round(values, _digits(name))
+    return values if values.dtype.kind in "iub" else [_inert(str(v)) for v in values]
+
+
+def _inert(text: str) -> str:
+    """Return text that a spreadsheet does not take for a formula."""
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
 _DIGITS = (

@@ -1,0 +1,268 @@
+"""Fuzzing of every reader: damaged files may be refused, and nothing else.
+
+    python -m benchmarks.fuzz --cases 1000000 [--format npz] [--seed 1] [--processes 2]
+
+Case k of a seed file is the same in every run. Cases run in child processes with limits; a find
+is a foreign exception, an end of the process, more than 10 s, or more than 1 GB. Finds of up to
+4 kB may be kept in tests/io/finds, which the tests read again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import io
+import json
+import mmap
+import os
+import random
+import re
+import resource
+import subprocess
+import sys
+import traceback
+import warnings
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+SECONDS = 10.0
+RESIDENT = 1 << 30
+ADDRESSES = 6 << 30
+NASTY = (b"", b"nan", b"inf", b"-inf", b"1e400", b"-1", b"0", b"1e-320", b"9" * 25, b"1e15", b"'",
+         b'"', b";", b",,", b"\t", b"\xff", b"\x00", b"\xd9\xa3", b"#", b"%", b"1_000", b"- ", b": ",
+         b"[", b"{", b"&a", b"*a", b"!!set", b"~", b"true", b"2024-13-45", b"0x1F", b"=1+1")  # fmt: skip
+WORDS = (
+    0,
+    1,
+    127,
+    128,
+    255,
+    256,
+    32767,
+    65535,
+    2**31 - 1,
+    2**31,
+    2**32 - 1,
+    2**62,
+    2**63,
+    2**64 - 1,
+)
+TOKEN = re.compile(rb"[-+.\w]+")
+
+
+def damage(data: bytes, rng: random.Random, others: list[bytes]) -> bytes:
+    """Return a file with one to four kinds of damage."""
+    if data[:4] == b"PK\x03\x04" and rng.random() < 0.7:
+        return _damage_member(data, rng, others)
+    text = b"\0" not in data[:4000]
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        data = (_damage_text if text and rng.random() < 0.7 else _damage_bytes)(data, rng, others)
+    return data
+
+
+def _damage_member(data: bytes, rng: random.Random, others: list[bytes]) -> bytes:
+    """Damage an array in an archive; its check sum is right again afterwards."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    chosen = rng.choice(list(members))
+    own = members[chosen]
+    head = own[:128]
+    members[chosen] = (_damage_text(head, rng, others) + own[128:] if rng.random() < 0.5
+                       else _damage_bytes(own, rng, others))  # fmt: skip
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return out.getvalue()
+
+
+def _damage_text(data: bytes, rng: random.Random, others: list[bytes]) -> bytes:
+    how = rng.randrange(6)
+    if how <= 2:
+        tokens = list(TOKEN.finditer(data))
+        if not tokens:
+            return data + rng.choice(NASTY)
+        # Heads of files matter more than their thousandth line.
+        k = rng.randrange(min(len(tokens), 40) if rng.random() < 0.5 else len(tokens))
+        return data[: tokens[k].start()] + rng.choice(NASTY) + data[tokens[k].end() :]
+    lines = data.split(b"\n")
+    k = rng.randrange(len(lines))
+    if how == 3:
+        del lines[k]
+    elif how == 4:
+        lines.insert(k, rng.choice(lines))
+    else:
+        lines[k] = lines[k][: rng.randrange(len(lines[k]) + 1)]
+    return b"\n".join(lines)
+
+
+def _damage_bytes(data: bytes, rng: random.Random, others: list[bytes]) -> bytes:
+    if not data:
+        return rng.randbytes(8)
+    out = bytearray(data)
+    zone = rng.random()
+    end = len(out)
+    at = rng.randrange(min(end, 300)) if zone < 0.3 else (
+        rng.randrange(max(end - 1500, 0), end) if zone < 0.5 else rng.randrange(end))  # fmt: skip
+    how = rng.randrange(8)
+    if how == 0:
+        out[at] ^= 1 << rng.randrange(8)
+    elif how == 1:
+        out[at] = rng.randrange(256)
+    elif how == 2:
+        del out[at:]
+    elif how == 3:
+        del out[at : at + rng.choice((1, 2, 4, 8, 100))]
+    elif how == 4:
+        out[at:at] = rng.randbytes(rng.choice((1, 2, 4, 8, 100)))
+    elif how == 5:
+        out[at:at] = out[at : at + rng.choice((1, 8, 64, 500))]
+    elif how == 6:
+        size = rng.choice((1, 2, 4, 8))
+        word = (rng.choice(WORDS) & (256**size - 1)).to_bytes(size, rng.choice(("little", "big")))
+        out[at : at + size] = word
+    else:
+        other = rng.choice(others)
+        start = rng.randrange(len(other))
+        out[at : at + 200] = other[start : start + 200]
+    return bytes(out)
+
+
+def read(path: Path, rng: random.Random) -> None:
+    """Read a file by every reader it could be meant for."""
+    from benchmarks.fuzz_seeds import noise_of
+    from schuler import ArrayCalibration, ImuCalibration, read_gnss, read_imu
+    from schuler.cli.verbs.run import _steps
+    from schuler.data.mounting import read_mounting
+    from schuler.errors import SchulerError
+    from schuler.io.profile import load_profile
+    from schuler.io.read import read_imus
+
+    how = {"repair": True} if rng.random() < 0.3 else {}
+    by_ending = {
+        "noise": [noise_of], "mounting": [read_mounting], "job": [lambda p: list(_steps(p))],
+        "profile": [lambda p: load_profile(p, "imu"), lambda p: load_profile(p, "gnss")],
+        "array_calibration": [ArrayCalibration.load], "imu_calibration": [ImuCalibration.load],
+    }  # fmt: skip
+    readers = by_ending.get(path.stem) if path.suffix == ".yaml" else None
+    for one in readers or [lambda p: read_imus(p, **how), lambda p: read_imu(p, **how),
+                           lambda p: read_gnss(p, **how)]:  # fmt: skip
+        try:
+            one(path)
+        except SchulerError:
+            continue
+
+
+def case(
+    name: str, seed: int, k: int, files: dict[str, bytes], folder: Path
+) -> tuple[Path, random.Random]:
+    """Write case k of a seed file."""
+    rng = random.Random(f"{name}:{seed}:{k}")
+    path = folder / name
+    path.write_bytes(damage(files[name], rng, list(files.values())))
+    return path, rng
+
+
+def work(name: str, seed: int, first: int, last: int, place: Path) -> None:
+    """Run cases in this process; the number of the one that runs stands in a file."""
+    from benchmarks.fuzz_seeds import seeds
+
+    files = seeds()
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    with TemporaryDirectory() as folder, place.open("r+b") as stream:
+        at = mmap.mmap(stream.fileno(), 8)
+        for k in range(first, last):
+            at[:8] = k.to_bytes(8, "little")
+            path, rng = case(name, seed, k, files, Path(folder))
+            faulthandler.dump_traceback_later(SECONDS, exit=True)
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    read(path, rng)
+            except Exception as error:
+                last_frames = traceback.extract_tb(error.__traceback__)[-3:]
+                frames = " < ".join(
+                    f"{Path(f.filename).name}:{f.lineno}" for f in reversed(last_frames)
+                )
+                print(json.dumps([k, f"{type(error).__name__}: {error}"[:150], frames]), flush=True)
+            faulthandler.cancel_dump_traceback_later()
+            if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > RESIDENT:
+                print(json.dumps([k, "more than 1 GB", ""]), flush=True)
+                sys.exit(3)
+
+
+def campaign(
+    name: str, seed: int, cases: int, time_limit: float = 3600.0
+) -> list[tuple[str, int, str, str]]:
+    """Run the cases of one seed file in child processes, and return the finds."""
+    finds = []
+    first = 0
+    with TemporaryDirectory() as folder:
+        place = Path(folder) / "case"
+        while first < cases:
+            place.write_bytes(bytes(8))
+            command = [sys.executable, "-m", "benchmarks.fuzz", "--work", name, str(seed), str(first),
+                       str(cases), str(place)]  # fmt: skip
+            quiet = {"POLARS_MAX_THREADS": "1", "RUST_BACKTRACE": "0"}
+            done = subprocess.run(command, capture_output=True, text=True, timeout=time_limit,
+                                  env=os.environ | quiet, check=False)  # fmt: skip
+            for line in done.stdout.splitlines():
+                if line.startswith("["):
+                    k, what, frames = json.loads(line)
+                    finds.append((name, k, what, frames))
+            at = int.from_bytes(place.read_bytes(), "little")
+            if done.returncode == 0:
+                break
+            if done.returncode != 3:
+                hang = "Timeout" in done.stderr
+                what = "more than 10 s" if hang else f"the process ended with {done.returncode}"
+                finds.append((name, at, what, done.stderr.strip()[-300:]))
+                if not hang and done.returncode > 0:
+                    break  # the worker itself cannot run
+            first = at + 1
+    return finds
+
+
+def main() -> int:
+    """Run the campaign and print a table of finds by place."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=20_000, help="over all seed files")
+    parser.add_argument("--format", default="", help="only seed files with this in their name")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="folder for finds")
+    parser.add_argument("--work", nargs=5, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.work:
+        name, seed, first, last, place = options.work
+        work(name, int(seed), int(first), int(last), Path(place))
+        return 0
+    from benchmarks.fuzz_seeds import seeds
+
+    files = seeds()
+    names = [n for n in files if options.format in n]
+    each = max(options.cases // len(names), 1)
+    with ThreadPoolExecutor(options.processes) as pool:
+        found = [
+            f for group in pool.map(lambda n: campaign(n, options.seed, each), names) for f in group
+        ]
+    by_place: dict[tuple[str, str], list[tuple[str, int, str, str]]] = {}
+    for find in found:
+        by_place.setdefault((find[2].partition(":")[0], find[3]), []).append(find)
+    for (what, frames), those in sorted(by_place.items(), key=lambda item: -len(item[1])):
+        name, k, message, _ = those[0]
+        print(f"{len(those):6d} {what} at {frames}\n       first: {name} case {k}: {message}")
+        if options.keep:
+            options.keep.mkdir(parents=True, exist_ok=True)
+            path, _ = case(name, options.seed, k, files, options.keep)
+            path.rename(options.keep / f"{options.seed}-{k}-{name}")
+    print(
+        f"{each * len(names)} cases over {len(names)} files, {len(found)} finds at {len(by_place)} places"
+    )
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
