@@ -30,25 +30,13 @@ from tempfile import TemporaryDirectory
 SECONDS = 10.0
 RESIDENT = 1 << 30
 ADDRESSES = 6 << 30
-NASTY = (b"", b"nan", b"inf", b"-inf", b"1e400", b"-1", b"0", b"1e-320", b"9" * 25, b"1e15", b"'",
-         b'"', b";", b",,", b"\t", b"\xff", b"\x00", b"\xd9\xa3", b"#", b"%", b"1_000", b"- ", b": ",
-         b"[", b"{", b"&a", b"*a", b"!!set", b"~", b"true", b"2024-13-45", b"0x1F", b"=1+1")  # fmt: skip
-WORDS = (
-    0,
-    1,
-    127,
-    128,
-    255,
-    256,
-    32767,
-    65535,
-    2**31 - 1,
-    2**31,
-    2**32 - 1,
-    2**62,
-    2**63,
-    2**64 - 1,
-)
+NASTY = (
+    b"|nan|inf|-inf|1e400|-1|0|1e-320|9999999999999999999999999|1e15|'|\"|;|,,|\t|\xff|\x00|\xd9\xa3"
+    b"|#|%|1_000|- |: |[|{|&a|*a|!!set|~|true|2024-13-45|0x1F|=1+1"
+).split(b"|")
+WORDS = [0, 1, 127, 128, 255, 256, 32767, 65535, *(2**k + d for k in (31, 32, 63) for d in (-1, 0))]
+Find = tuple[str, int, str, str]
+"""Seed file, case, what happened, and where."""
 TOKEN = re.compile(rb"[-+.\w]+")
 
 
@@ -193,9 +181,7 @@ def work(name: str, seed: int, first: int, last: int, place: Path) -> None:
                 sys.exit(3)
 
 
-def campaign(
-    name: str, seed: int, cases: int, time_limit: float = 3600.0
-) -> list[tuple[str, int, str, str]]:
+def campaign(name: str, seed: int, cases: int, time_limit: float = 3600.0) -> list[Find]:
     """Run the cases of one seed file in child processes, and return the finds."""
     finds = []
     first = 0
@@ -203,8 +189,8 @@ def campaign(
         place = Path(folder) / "case"
         while first < cases:
             place.write_bytes(bytes(8))
-            command = [sys.executable, "-m", "benchmarks.fuzz", "--work", name, str(seed), str(first),
-                       str(cases), str(place)]  # fmt: skip
+            what = (name, str(seed), str(first), str(cases), str(place))
+            command = [sys.executable, "-m", "benchmarks.fuzz", "--work", *what]
             quiet = {"POLARS_MAX_THREADS": "1", "RUST_BACKTRACE": "0"}
             done = subprocess.run(command, capture_output=True, text=True, timeout=time_limit,
                                   env=os.environ | quiet, check=False)  # fmt: skip
@@ -248,7 +234,7 @@ def main() -> int:
         found = [
             f for group in pool.map(lambda n: campaign(n, options.seed, each), names) for f in group
         ]
-    by_place: dict[tuple[str, str], list[tuple[str, int, str, str]]] = {}
+    by_place: dict[tuple[str, str], list[Find]] = {}
     for find in found:
         by_place.setdefault((find[2].partition(":")[0], find[3]), []).append(find)
     for (what, frames), those in sorted(by_place.items(), key=lambda item: -len(item[1])):
@@ -259,7 +245,7 @@ def main() -> int:
             path, _ = case(name, options.seed, k, files, options.keep)
             path.rename(options.keep / f"{options.seed}-{k}-{name}")
     print(
-        f"{each * len(names)} cases over {len(names)} files, {len(found)} finds at {len(by_place)} places"
+        f"{each * len(names)} cases of {len(names)} files, {len(found)} finds at {len(by_place)} places"
     )
     return 1 if found else 0
 

@@ -24,7 +24,7 @@ IMU = ImuRecording(TIME, GYRO, ACCEL)
 _PLACE = np.radians([48.1, 11.5, 0.0]) + np.arange(N)[:, None] * (1.887e-8, 4.22e-8, -2e-3)
 GNSS = GnssRecording(
     TIME,
-    _PLACE + (0.0, 0.0, 520.0),
+    np.add(_PLACE, (0.0, 0.0, 520.0)),
     velocity=np.tile((6.0, 9.0, 0.1), (N, 1)),
     position_sd=np.full((N, 3), 0.5),
     velocity_sd=np.full((N, 3), 0.1),
@@ -33,8 +33,11 @@ TRACK = {"time_s": TIME, "latitude_deg": np.degrees(_PLACE[:, 0]),
          "longitude_deg": np.degrees(_PLACE[:, 1]), "height_m": 520.0 + _PLACE[:, 2]}  # fmt: skip
 TRACK |= {f"vel_{a}_m_s": np.full(N, v) for a, v in (("north", 6.0), ("east", 9.0), ("down", 0.1))}
 TRACK |= {f"{a}_deg": np.full(N, 1.0) for a in ("roll", "pitch", "heading")}
-TRACK |= {f"{q}_std_{a}_{u}": np.full(N, 0.1) for q, u in (("pos", "m"), ("vel", "m_s"), ("att", "deg"))
-          for a in ("north", "east", "down")}  # fmt: skip
+TRACK |= {
+    f"{quantity}_std_{axis}_{unit}": np.full(N, 0.1)
+    for quantity, unit in (("pos", "m"), ("vel", "m_s"), ("att", "deg"))
+    for axis in ("north", "east", "down")
+}
 NOISE = """source: made
 rate: 100 Hz
 channels:
@@ -128,10 +131,11 @@ def _loggers() -> Iterator[tuple[str, bytes]]:
     rows = [f"{s},{int(1e9 * t)},{x[0]:.6g},{x[1]:.6g},{x[2]:.6g}" for k, t in enumerate(TIME)
             for s, x in (("ACC", ACCEL[k]), ("GYR", GYRO[k]))]  # fmt: skip
     yield "long.csv", ("sensor,time_ns,x,y,z\n" + "\n".join(rows)).encode()
-    fixes = [f"Fix,GPS,{48.1 + k * 1e-5},11.5,520.0,{5.0},3.0,{1_700_000_000_000 + 1000 * k},0.5,10.0"
+    fixes = [f"Fix,GPS,{48.1 + k * 1e-5},11.5,520.0,5.0,3.0,{10**12 + 1000 * k},0.5,10.0"
              for k in range(N)]  # fmt: skip
-    head = ("# Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,AccuracyMeters,"
-            "UnixTimeMillis,SpeedAccuracyMps,BearingDegrees")  # fmt: skip
+    names = ["LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters", "SpeedMps", "AccuracyMeters",
+             "UnixTimeMillis", "SpeedAccuracyMps", "BearingDegrees"]  # fmt: skip
+    head = ",".join(["# Fix,Provider", *names])
     yield "gnss_log.txt", "\n".join([head, *fixes]).encode()
 
 
@@ -153,8 +157,9 @@ def _ubx() -> bytes:
         tags = b"".join(struct.pack("<LL", w, round(t / 2.56e-5)) for w in words)
         data += message(0x1003, bytes(4) + tags)
         if k % 10 == 0:
-            data += message(0x0107, struct.pack("<L", round(t * 1e3)) + bytes(16) + b"\x03\x01\x00\x0c"
-                            + struct.pack("<ll", 115000000, 481000000) + bytes(60))  # fmt: skip
+            fix = struct.pack("<L", round(t * 1e3)) + bytes(16) + b"\x03\x01\x00\x0c"
+            fix += struct.pack("<ll", 115000000, 481000000) + bytes(60)
+            data += message(0x0107, fix)
     return data
 
 
@@ -208,8 +213,12 @@ def _bags() -> Iterator[tuple[str, bytes]]:
         for old in (True, False):
             store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
             kinds, name = store.types, Path(folder) / ("one.bag" if old else "two")
-            writer = (rosbag1.Writer(name) if old else
-                      rosbag2.Writer(name, version=9, storage_plugin=rosbag2.StoragePlugin.SQLITE3))  # fmt: skip
+            sqlite = rosbag2.StoragePlugin.SQLITE3
+            writer = (
+                rosbag1.Writer(name)
+                if old
+                else rosbag2.Writer(name, version=9, storage_plugin=sqlite)
+            )
             vector = kinds["geometry_msgs/msg/Vector3"]
             with writer:
                 line = writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)

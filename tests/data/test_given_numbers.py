@@ -14,9 +14,9 @@ TAKERS = {
     "allan": lambda x: allan_deviation(x, 100.0).deviation,
     "family": lambda x: allan_deviation(x, 100.0, kind="hadamard").deviation,
     "wavelet variance": lambda x: schuler.wavelet_variance(x, 100.0).variance,
-    "spectrum": lambda x: schuler.power_spectral_density(x, 100.0).psd,
+    "spectrum": lambda x: schuler.power_spectral_density(x, 100.0, onesided=True).density,
     "autocorrelation": lambda x: schuler.autocorrelation(x, 100.0).correlation,
-    "autoregressive": lambda x: np.array(schuler.fit_ar(x, 2).model.coefficients),
+    "autoregressive": lambda x: np.array(schuler.fit_ar(x, 2).coefficients),
     "recording": lambda x: (
         ImuRecording(
             np.arange(len(x)) / 100.0, np.zeros((len(x), 3)), np.zeros((len(x), 3)), temperature=x

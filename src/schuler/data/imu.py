@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from schuler.data._checks import all_finite, check_finite, check_time, frozen, median_step
+from schuler.data._checks import check_finite, check_time, frozen, median_step
 from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.types import FloatArray
@@ -79,7 +79,8 @@ class ImuRecording(Exportable):
         gyro = frozen(self.gyro, "gyro", (n, 3))
         accel = frozen(self.accel, "accel", (n, 3))
         for array, sensor in ((gyro, "gyro"), (accel, "accel")):
-            if all_finite(array):
+            # NaN makes both comparisons false
+            if float(array.min()) >= -_LARGEST and float(array.max()) <= _LARGEST:
                 continue
             for j, axis in enumerate("xyz"):
                 column = array[:, j]
