@@ -2,9 +2,9 @@
 
     python -m benchmarks.fuzz --cases 1000000 [--format npz] [--seed 1] [--processes 2]
 
-Case k of a seed file is the same in every run. Cases run in child processes with limits; a find
-is a foreign exception, an end of the process, more than 10 s, or more than 1 GB. Finds of up to
-4 kB may be kept in tests/io/finds, which the tests read again.
+Case k of a seed is the same in every run. Cases run in child processes with limits; a find
+is a foreign exception, an end of the process, more than 10 s, or more than 1 GB. Finds of a
+few kB go to tests/io/finds, which the tests read again.
 """
 
 from __future__ import annotations
@@ -24,19 +24,21 @@ import traceback
 import warnings
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 SECONDS = 10.0
 RESIDENT = 1 << 30
 ADDRESSES = 6 << 30
+ENOUGH = 3
 NASTY = (
     b"|nan|inf|-inf|1e400|-1|0|1e-320|9999999999999999999999999|1e15|'|\"|;|,,|\t|\xff|\x00|\xd9\xa3"
     b"|#|%|1_000|- |: |[|{|&a|*a|!!set|~|true|2024-13-45|0x1F|=1+1"
 ).split(b"|")
 WORDS = [0, 1, 127, 128, 255, 256, 32767, 65535, *(2**k + d for k in (31, 32, 63) for d in (-1, 0))]
-Find = tuple[str, int, str, str]
-"""Seed file, case, what happened, and where."""
+Find = tuple[int, str, str]
+"""Case, what happened, and where."""
 TOKEN = re.compile(rb"[-+.\w]+")
 
 
@@ -153,60 +155,63 @@ def case(
     return path, rng
 
 
-def work(name: str, seed: int, first: int, last: int, place: Path) -> None:
+def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
     """Run cases in this process; the number of the one that runs stands in a file."""
     from benchmarks.fuzz_seeds import seeds
 
     files = seeds()
+    names = chosen(files, wanted)
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     with TemporaryDirectory() as folder, place.open("r+b") as stream:
         at = mmap.mmap(stream.fileno(), 8)
         for k in range(first, last):
             at[:8] = k.to_bytes(8, "little")
-            path, rng = case(name, seed, k, files, Path(folder))
+            path, rng = case(names[k % len(names)], seed, k, files, Path(folder))
             faulthandler.dump_traceback_later(SECONDS, exit=True)
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     read(path, rng)
             except Exception as error:
-                last_frames = traceback.extract_tb(error.__traceback__)[-3:]
-                frames = " < ".join(
-                    f"{Path(f.filename).name}:{f.lineno}" for f in reversed(last_frames)
-                )
-                print(json.dumps([k, f"{type(error).__name__}: {error}"[:150], frames]), flush=True)
+                frames = traceback.extract_tb(error.__traceback__)[:-4:-1]
+                where = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames)
+                print(json.dumps([k, f"{type(error).__name__}: {error}"[:150], where]), flush=True)
             faulthandler.cancel_dump_traceback_later()
+            path.unlink()
             if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > RESIDENT:
                 print(json.dumps([k, "more than 1 GB", ""]), flush=True)
-                sys.exit(3)
+                sys.exit(ENOUGH)
 
 
-def campaign(name: str, seed: int, cases: int, time_limit: float = 3600.0) -> list[Find]:
-    """Run the cases of one seed file in child processes, and return the finds."""
+def chosen(files: dict[str, bytes], wanted: str) -> list[str]:
+    """Return the seed files with this in their names."""
+    return [name for name in files if wanted in name]
+
+
+def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
+    """Run cases in child processes, a new one after each that ended, and return the finds."""
     finds = []
-    first = 0
     with TemporaryDirectory() as folder:
         place = Path(folder) / "case"
-        while first < cases:
+        while first < last:
             place.write_bytes(bytes(8))
-            what = (name, str(seed), str(first), str(cases), str(place))
+            what = (wanted, str(seed), str(first), str(last), str(place))
             command = [sys.executable, "-m", "benchmarks.fuzz", "--work", *what]
             quiet = {"POLARS_MAX_THREADS": "1", "RUST_BACKTRACE": "0"}
-            done = subprocess.run(command, capture_output=True, text=True, timeout=time_limit,
-                                  env=os.environ | quiet, check=False)  # fmt: skip
-            for line in done.stdout.splitlines():
-                if line.startswith("["):
-                    k, what, frames = json.loads(line)
-                    finds.append((name, k, what, frames))
-            at = int.from_bytes(place.read_bytes(), "little")
+            done = subprocess.run(
+                command, capture_output=True, text=True, env=os.environ | quiet, check=False
+            )
+            lines = [json.loads(x) for x in done.stdout.splitlines() if x.startswith("[")]
+            finds += [tuple(line) for line in lines]
             if done.returncode == 0:
                 break
-            if done.returncode != 3:
+            at = int.from_bytes(place.read_bytes(), "little")
+            if done.returncode != ENOUGH:
                 hang = "Timeout" in done.stderr
-                what = "more than 10 s" if hang else f"the process ended with {done.returncode}"
-                finds.append((name, at, what, done.stderr.strip()[-300:]))
                 if not hang and done.returncode > 0:
-                    break  # the worker itself cannot run
+                    raise RuntimeError(done.stderr)  # the worker itself cannot run
+                end = "more than 10 s" if hang else f"the process ended with {done.returncode}"
+                finds.append((at, end, done.stderr.strip()[-300:]))
             first = at + 1
     return finds
 
@@ -215,37 +220,39 @@ def main() -> int:
     """Run the campaign and print a table of finds by place."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=int, default=20_000, help="over all seed files")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--format", default="", help="only seed files with this in their name")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--keep", type=Path, help="folder for finds")
+    parser.add_argument("--keep", type=Path, help="folder for the first find of each place")
     parser.add_argument("--work", nargs=5, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.work:
-        name, seed, first, last, place = options.work
-        work(name, int(seed), int(first), int(last), Path(place))
+        wanted, seed, first, last, place = options.work
+        work(wanted, int(seed), int(first), int(last), Path(place))
         return 0
     from benchmarks.fuzz_seeds import seeds
 
     files = seeds()
-    names = [n for n in files if options.format in n]
-    each = max(options.cases // len(names), 1)
+    names = chosen(files, options.format)
+    edges = [options.first + options.cases * k // options.processes
+             for k in range(options.processes + 1)]  # fmt: skip
     with ThreadPoolExecutor(options.processes) as pool:
-        found = [
-            f for group in pool.map(lambda n: campaign(n, options.seed, each), names) for f in group
-        ]
-    by_place: dict[tuple[str, str], list[Find]] = {}
+        parts = pool.map(partial(campaign, options.format, options.seed), edges[:-1], edges[1:])
+        found = [find for part in parts for find in part]
+    places: dict[tuple[str, str], list[Find]] = {}
     for find in found:
-        by_place.setdefault((find[2].partition(":")[0], find[3]), []).append(find)
-    for (what, frames), those in sorted(by_place.items(), key=lambda item: -len(item[1])):
-        name, k, message, _ = those[0]
-        print(f"{len(those):6d} {what} at {frames}\n       first: {name} case {k}: {message}")
+        places.setdefault((find[1].partition(":")[0], find[2]), []).append(find)
+    for (what, where), those in sorted(places.items(), key=lambda item: -len(item[1])):
+        k, message, _ = those[0]
+        name = names[k % len(names)]
+        print(f"{len(those):6d} {what} at {where}\n       first: case {k}, {name}: {message}")
         if options.keep:
             options.keep.mkdir(parents=True, exist_ok=True)
             path, _ = case(name, options.seed, k, files, options.keep)
             path.rename(options.keep / f"{options.seed}-{k}-{name}")
     print(
-        f"{each * len(names)} cases of {len(names)} files, {len(found)} finds at {len(by_place)} places"
+        f"{options.cases} cases of {len(names)} files: {len(found)} finds at {len(places)} places"
     )
     return 1 if found else 0
 

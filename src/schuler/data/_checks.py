@@ -19,7 +19,7 @@ def numbers(values: ArrayLike, what: str) -> NDArray[Any]:
     """
     if np.ma.is_masked(values):
         raise InputError(
-            f"{what} is a masked array with {int(np.ma.count_masked(values))} values hidden",
+            f"{what} is a masked array with {int(np.sum(getattr(values, 'mask', 0)))} values hidden",
             expected="numbers throughout",
             cure="cut it where it is masked, or fill the gaps first",
         )

@@ -51,7 +51,9 @@ def read_yaml(path: str | Path, expected: str) -> Any:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         place = f"{path}: line {mark.line + 1}" if mark else str(path)
-        problem = getattr(error, "problem", None) or getattr(error, "reason", "cannot be parsed")
+        problem = str(
+            getattr(error, "problem", None) or getattr(error, "reason", "cannot be parsed")
+        )
         if not isinstance(error, yaml.composer.ComposerError):
             problem = f"not YAML: {problem}"
         raise InputError(problem, expected=expected, where=place) from None
@@ -70,7 +72,7 @@ def _loader() -> type[Any]:
             self.weights: dict[int, int] = {}
 
         def compose_node(self, parent: Any, index: Any) -> Any:
-            event = self.peek_event()
+            event: Any = self.peek_event()  # type: ignore[no-untyped-call]
             if isinstance(event, yaml.AliasEvent):
                 node = super().compose_node(parent, index)
                 # An anchor inside itself has no weight yet.

@@ -14,10 +14,10 @@ import stat
 import sys
 import tempfile
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from types import FunctionType
 from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
@@ -99,7 +99,7 @@ def _say(message: str) -> None:
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """Compiled forms of one kernel, a file for each signature."""
 
-    def __init__(self, function: FunctionType, folder: Path) -> None:
+    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
         self._name = repr(function)
         self._py_func = function
         self._impl = _Portable()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    from polars import DataFrame, Schema
+    from polars import DataFrame, DataType
 
 Struct = dict[int, Any]
 _MAGIC = b"PAR1"
@@ -28,7 +28,7 @@ class Damaged(Exception):
     """What is wrong with the bytes."""
 
 
-def parquet_schema(path: Path) -> tuple[Schema, dict[str, str]]:
+def parquet_schema(path: Path) -> tuple[dict[str, DataType], dict[str, str]]:
     """Return names and types of the columns, and the key-value metadata."""
     import polars
 
@@ -36,7 +36,7 @@ def parquet_schema(path: Path) -> tuple[Schema, dict[str, str]]:
     try:
         # Opened here: a path with brackets would be taken for a pattern.
         with path.open("rb") as file:
-            schema = polars.read_parquet_schema(file)
+            schema = dict(polars.read_parquet_schema(file))
         return schema, polars.read_parquet_metadata(path)
     except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
         raise _refusal(path, error) from None
