@@ -12,7 +12,6 @@ import argparse
 from importlib.resources import files
 from pathlib import Path
 
-from schuler.data.table import write_text
 from schuler_papers.outcome import VERDICTS, Row, Sheet
 from schuler_papers.registry import PAPERS, Paper
 from schuler_papers.reproduction import ItemResult, Reproduction, judge_kept, reproduce
@@ -118,7 +117,7 @@ def main() -> None:
     for paper in PAPERS.values():
         if any(r.paper.name == paper.name for r in done.items):
             page = paper_page(paper, done)
-            write_text(options.folder / f"{paper.name}.md", page)
+            (options.folder / f"{paper.name}.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
