@@ -139,3 +139,14 @@ def test_a_folder_that_is_not_there_is_told(tmp_path):
         write_text(tmp_path / "none" / "x", "x")
     with pytest.raises(InputError, match="cannot write there"):
         write_text(tmp_path, "x")
+
+
+def test_a_writer_that_writes_whole_files_itself_fills_a_temporary_one(tmp_path):
+    """As tables do: renaming over the temporary file would take its lock away."""
+    outputs = [OutputFile(tmp_path / name) for name in "abc"]
+    for output in outputs:
+        output.fill(lambda temporary: write_text(temporary, "x"))
+    write_text(tmp_path / "d", "x")  # clears what nobody holds
+    for output in outputs:
+        output.publish()
+    assert names(tmp_path) == ["a", "b", "c", "d"]

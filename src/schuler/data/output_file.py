@@ -36,6 +36,11 @@ def release_all() -> None:
         output.release()
 
 
+def is_temporary(path: Path) -> bool:
+    """Tell whether a file is the temporary one of an output of this program."""
+    return any(output.temporary == path for output in _ALIVE)
+
+
 class OutputFile:
     """A file to be written: claimed, filled, and published or released.
 

@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data.output_file import OutputFile
+from schuler.data.output_file import OutputFile, is_temporary
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], None]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it to `path`."""
+    if is_temporary(Path(path)):  # of somebody who will rename it
+        write(Path(path))
+        return
     output = OutputFile(path)
     try:
         output.fill(write)
