@@ -93,7 +93,8 @@ class Outputs:
 
 
 def _write(path: Path, content: str) -> None:
-    path.write_text(content, encoding="utf-8", newline="\n")
+    # Names of files that are no Unicode stand in texts too.
+    path.write_text(content, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 def _check(path: Path, read: Iterable[Path], seen: Iterable[Path]) -> None:

@@ -18,8 +18,9 @@ def numbers(values: ArrayLike, what: str) -> NDArray[Any]:
     no real numbers: objects, text, dates, complex numbers.
     """
     if np.ma.is_masked(values):
+        hidden = int(np.sum(getattr(values, "mask", 0)))
         raise InputError(
-            f"{what} is a masked array with {int(np.sum(getattr(values, 'mask', 0)))} values hidden",
+            f"{what} is a masked array with {hidden} values hidden",
             expected="numbers throughout",
             cure="cut it where it is masked, or fill the gaps first",
         )

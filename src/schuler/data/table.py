@@ -30,7 +30,8 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def _write_utf8(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")
+    # Names of files that are no Unicode stand in texts too.
+    path.write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 def write_parquet(path: str | Path, columns: Mapping[str, NDArray[np.float64]]) -> None:

@@ -144,6 +144,13 @@ def existing_file(path: Path) -> Path:
         raise InputError("there is no such file", cure="check the name", where=str(path))
     if path.is_dir():
         raise InputError("this is a folder", expected="a file", where=str(path))
+    if not path.is_file():
+        raise InputError(
+            "this is a pipe or a device, which can be read only once",
+            expected="a file",
+            cure="write its content to a file first",
+            where=str(path),
+        )
     try:
         with path.open("rb") as stream:
             empty = not stream.read(1)

@@ -56,7 +56,7 @@ class _Receiver:
 
     def epochs(self, profile: Profile, rate: float) -> FloatArray:
         """Stamps of all epochs, those of the outages too, s."""
-        if not rate > 0.0 or not self.claimed_scale > 0.0:
+        if not 0.0 < rate <= 1e4 or not self.claimed_scale > 0.0:
             raise InputError(
                 f"a rate of {rate:g} Hz and a scale of {self.claimed_scale:g}",
                 expected="positive numbers",

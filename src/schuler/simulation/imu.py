@@ -99,9 +99,15 @@ def ideal_imu(profile: Profile, rate: float, *, name: str = "ideal") -> ImuRecor
     return ImuRecording(time, gyro, accel, name=name, history=history)
 
 
+_FASTEST = 1e6
+"""No inertial sensor delivers more samples a second."""
+
+
 def _count(duration: float, rate: float) -> int:
-    if not rate > 0.0:
-        raise InputError(f"a rate of {rate:g} Hz", expected="a positive rate")
+    if not 0.0 < rate <= _FASTEST:
+        raise InputError(
+            f"a rate of {rate:g} Hz", expected=f"a positive rate up to {_FASTEST:g} Hz"
+        )
     n = int(np.floor(duration * rate * (1.0 + 1e-12) + 1e-9))
     if n < 2:
         raise InputError(

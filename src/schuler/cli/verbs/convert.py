@@ -102,7 +102,7 @@ def _trajectory(source: Path) -> dict[str, Any] | None:
             with source.open(encoding="utf-8", errors="replace") as stream:
                 head = set(stream.readline().strip().split(","))
             if head >= _TRACK:
-                frame = polars.read_csv(source, glob=False)
+                frame = polars.read_csv(source.read_bytes())
                 return {n: frame[n].to_numpy() for n in frame.columns}
     except (polars.exceptions.PolarsError, OSError, InputError):
         return None  # the reader of recordings says what is wrong

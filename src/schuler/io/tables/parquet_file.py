@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -37,7 +38,7 @@ def parquet_schema(path: Path) -> tuple[dict[str, DataType], dict[str, str]]:
         # Opened here: a path with brackets would be taken for a pattern.
         with path.open("rb") as file:
             schema = dict(polars.read_parquet_schema(file))
-        return schema, polars.read_parquet_metadata(path)
+        return schema, polars.read_parquet_metadata(_for_polars(path))
     except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
         raise _refusal(path, error) from None
 
@@ -48,9 +49,19 @@ def parquet_frame(path: Path, names: Sequence[str] | None = None) -> DataFrame:
 
     _look_over(path)
     try:
-        return polars.read_parquet(path, glob=False, columns=None if names is None else list(names))
+        columns = None if names is None else list(names)
+        return polars.read_parquet(_for_polars(path), glob=False, columns=columns)
     except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
         raise _refusal(path, error) from None
+
+
+def _for_polars(path: Path) -> Path | BytesIO:
+    """Return a path; the content of the file where its name is not Unicode, as Rust wants it."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return BytesIO(path.read_bytes())
+    return path
 
 
 def _refusal(path: Path, error: Exception) -> InputError:
