@@ -104,23 +104,32 @@ def characterize_imu(imu: ImuRecording, model: str | Process = "auto") -> ImuCha
     return ImuCharacterization(
         recording_name=imu.name,
         channels=channels,
-        noise_model=NoiseModel(
-            processes={c: found.process for c, found in channels.items()},
-            standard_errors={c: found.standard_errors for c, found in channels.items()},
-            rate=rate,
-            source=f"fit to the Allan deviation of {imu.name}, "
-            f"{spell_duration(imu.duration)} at rest",
-            limits={c: found.limits for c, found in channels.items()},
-            effects={c: found.effects for c, found in channels.items() if found.effects},
-        ),
-        findings=tuple(_findings(imu, channels)),
+        noise_model=model_of(channels, rate, imu.name, imu.duration),
+        findings=tuple(findings_of(imu, channels, imu.duration)),
         rate=rate,
         duration=imu.duration,
     )
 
 
-def _findings(imu: ImuRecording, channels: Mapping[str, Identification]) -> list[str]:
-    lines = [*_flags(channels), _record_length(imu, channels)]
+def model_of(
+    channels: Mapping[str, Identification], rate: float, name: str, duration: float
+) -> NoiseModel:
+    """Return what was found of the channels of a recording as a noise model."""
+    return NoiseModel(
+        processes={c: found.process for c, found in channels.items()},
+        standard_errors={c: found.standard_errors for c, found in channels.items()},
+        rate=rate,
+        source=f"fit to the Allan deviation of {name}, {spell_duration(duration)} at rest",
+        limits={c: found.limits for c, found in channels.items()},
+        effects={c: found.effects for c, found in channels.items() if found.effects},
+    )
+
+
+def findings_of(
+    imu: ImuRecording, channels: Mapping[str, Identification], duration: float
+) -> list[str]:
+    """Say what is worth knowing; of a long record, `imu` is the first piece."""
+    lines = [*_flags(channels), _record_length(duration, channels)]
     lines += [text for c, found in channels.items() if (text := _crossing(c, found))]
     lines += [text for c, found in channels.items() if (text := _undecided(c, found))]
     lines += _not_seen(channels)
@@ -155,14 +164,14 @@ def _join(names: Mapping[str, object] | Sequence[str]) -> str:
     return ", ".join(names)
 
 
-def _record_length(imu: ImuRecording, channels: Mapping[str, Identification]) -> str:
+def _record_length(duration: float, channels: Mapping[str, Identification]) -> str:
     weakest = [
         (verdict.relative_error, channel, verdict)
         for channel, found in channels.items()
         for verdict in found.verdict.parameters
     ]
     error, channel, verdict = max(weakest, key=lambda w: w[0])
-    length = spell_duration(imu.duration)
+    length = spell_duration(duration)
     if verdict.enough:
         return f"{length} were recorded, enough for every parameter to be known to 10 % or better"
     where = f"{channel} {verdict.parameter.replace('.', ' ').replace('_', ' ')}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +13,7 @@ from schuler.cli.loading import load_imu
 from schuler.cli.options.files import ModelFiles, Written
 from schuler.cli.options.reading import ImuReading
 from schuler.cli.parsing import title_of
+from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
@@ -36,6 +39,7 @@ def characterize(
     method: tuple[str, ...] = (),
     model: str = "auto",
     rest: bool = False,
+    memory: float | None = None,
     reading: ImuReading = ImuReading(),
 ) -> int:
     """Find the noise model of an IMU from a log of it lying still.
@@ -64,6 +68,9 @@ def characterize(
         K random walk, R ramp.
     rest : bool
         Use only the longest rest of a log in which the sensor was moved.
+    memory : float, optional
+        Megabytes for the recording; a larger one (Parquet, or a folder of files that follow each
+        other) is read in pieces, once. A third of this machine's if not given.
     """
     from schuler.cli.methods import chosen_methods, methods_result
     from schuler.estimation.parts import checked_model
@@ -71,6 +78,14 @@ def characterize(
     job = Job(written, files.noise_out, files.kalibr, inputs=(file,))
     methods = chosen_methods(method, needs_model=files.wanted)
     model = str(checked_model(model))
+    if too_large(file, memory):
+        if methods or rest or repair:
+            raise InputError(
+                f"{file.name} is larger than memory, and is read in pieces",
+                expected="the usual method, without --method, --rest or --repair",
+                cure="--memory MEGABYTES allows more, or take a part of it",
+            )
+        return job.finish(_in_pieces(file, files, model, reading))
     recording = load_imu(file, reading.options(repair=repair))
     with working("Screening"):
         recording, screening = screened(recording, repair=repair, rest=rest)
@@ -111,6 +126,45 @@ def characterization_result(
     )
 
 
+def too_large(file: Path, memory: float | None) -> bool:
+    """Whether a recording has to be read in pieces."""
+    from schuler.io.pieces import size_of_table
+
+    size = size_of_table(file)
+    if memory is None:
+        known = hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names
+        most = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 3.0 if known else 4e9
+    else:
+        most = 1e6 * memory
+    return size > 0 and 3.0 * size > most  # columns, recording and work beside it
+
+
+def _in_pieces(file: Path, files: ModelFiles, model: str, reading: ImuReading) -> Result:
+    from schuler.estimation.long_record import characterize_pieces
+    from schuler.estimation.record import spell_duration
+    from schuler.io.pieces import read_imu_pieces
+
+    with working("Reading the record in pieces") as shown:
+
+        def told() -> Iterator[ImuRecording]:
+            for piece in read_imu_pieces(file, **reading.options(repair=False)):
+                shown.say(f"{spell_duration(float(piece.time[-1]))} read")
+                yield piece
+
+        found = characterize_pieces(told(), model, title_of(file))
+    texts, refused = files.texts(found.noise_model, found.rate)
+    return Result(
+        title=f"Noise of {title_of(file)}",
+        sections=(found,),
+        show=lambda screen: _show_noise(screen, found),
+        json=found.to_dict,
+        settings={"model": model, "pieces": True},
+        texts=texts,
+        with_origin=True,
+        refused=refused,
+    )
+
+
 def screened(
     imu: ImuRecording, *, repair: bool, rest: bool = False
 ) -> tuple[ImuRecording, Screening]:
@@ -142,12 +196,21 @@ def show_characterization(
     screen: Screen, result: ImuCharacterization, screening: Screening, *, repaired: bool
 ) -> None:
     """Print the noise model and what to think of it."""
+    moved = not screening.static and screening.duration > SHORTEST
+    _show_noise(screen, result, _moved(screening) if moved else "")
+    serious = [(f.severity, f.message) for f in screening.findings if f.severity != "info"]
+    screen.findings(serious, most=MOST_FINDINGS)
+    if screening.disturbed and not repaired:
+        screen.line("--repair cuts out knocks and outliers before the fit.", "dim")
+
+
+def _show_noise(screen: Screen, result: ImuCharacterization, warning: str = "") -> None:
     from schuler.report.sections.noise.ieee952 import ieee952_rows, plateau_note
     from schuler.report.sections.noise.parameters import parameter_rows
 
     screen.heading(f"Noise of {result.recording_name}")
-    if not screening.static and screening.duration > SHORTEST:
-        screen.finding("warning", _moved(screening))
+    if warning:
+        screen.finding("warning", warning)
     narrow = screen.console.width < NARROW
     columns, rows = parameter_rows(result.noise_model, "datasheet", short=True, compact=narrow)
     screen.table(columns, rows, words=2)
@@ -157,7 +220,3 @@ def show_characterization(
     if note := plateau_note(coefficients):
         screen.line(note, "dim")
     screen.findings(("info", text) for text in result.findings)
-    serious = [(f.severity, f.message) for f in screening.findings if f.severity != "info"]
-    screen.findings(serious, most=MOST_FINDINGS)
-    if screening.disturbed and not repaired:
-        screen.line("--repair cuts out knocks and outliers before the fit.", "dim")

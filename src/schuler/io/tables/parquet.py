@@ -33,6 +33,8 @@ class ParquetSource:
         "number", "text", "moment" (date and time) or "other", by name.
     rate : float or None
         Sampling rate in Hz, from the file's key-value metadata.
+    part : (int, int) or None
+        First row and number of rows, where not all are wanted.
     """
 
     path: Path
@@ -42,6 +44,7 @@ class ParquetSource:
     units: dict[str, str] = field(default_factory=dict)
     history: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
+    part: tuple[int, int] | None = None
 
     def is_text(self, name: str) -> bool:
         """Tell whether a column holds text."""
@@ -58,7 +61,7 @@ class ParquetSource:
                 expected="one number a row",
                 where=f"{self.path}, column '{other[0]}'",
             )
-        frame = parquet_frame(self.path, tuple(dict.fromkeys(names)))
+        frame = parquet_frame(self.path, tuple(dict.fromkeys(names)), self.part)
         columns: Columns = {}
         for name in names:
             series = frame[name]

@@ -43,13 +43,26 @@ def parquet_schema(path: Path) -> tuple[dict[str, DataType], dict[str, str]]:
         raise _refusal(path, error) from None
 
 
-def parquet_frame(path: Path, names: Sequence[str] | None = None) -> DataFrame:
-    """Read columns of a Parquet file, all by default."""
+def parquet_rows(path: Path) -> int:
+    """Return the number of rows of a file that was opened before."""
     import polars
 
-    _look_over(path)
+    return int(polars.scan_parquet(_for_polars(path), glob=False).select(polars.len()).collect().item())
+
+
+def parquet_frame(
+    path: Path, names: Sequence[str] | None = None, part: tuple[int, int] | None = None
+) -> DataFrame:
+    """Read columns of a Parquet file, all by default; first row and number of rows of a part."""
+    import polars
+
+    if part is None:
+        _look_over(path)
     try:
         columns = None if names is None else list(names)
+        if part is not None:
+            frame = polars.scan_parquet(_for_polars(path), glob=False).slice(*part)
+            return (frame if columns is None else frame.select(columns)).collect()
         return polars.read_parquet(_for_polars(path), glob=False, columns=columns)
     except (polars.exceptions.PolarsError, polars.exceptions.PanicException, OSError) as error:
         raise _refusal(path, error) from None
