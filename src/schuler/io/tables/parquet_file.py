@@ -47,7 +47,9 @@ def parquet_rows(path: Path) -> int:
     """Return the number of rows of a file that was opened before."""
     import polars
 
-    return int(polars.scan_parquet(_for_polars(path), glob=False).select(polars.len()).collect().item())
+    return int(
+        polars.scan_parquet(_for_polars(path), glob=False).select(polars.len()).collect().item()
+    )
 
 
 def parquet_frame(
