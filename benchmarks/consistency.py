@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # the twins live beside the tests, which judge smaller draws with them
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "navigate"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "navigation"))
 
 from array_twins import draw_array, mems
 from twins import LEVER, Twin, draw_twin, navigation_errors, perfect

@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "fuse"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "arrays"))
 
 import numpy as np
 from riding_twins import ride

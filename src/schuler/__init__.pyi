@@ -113,6 +113,8 @@ from .evaluation.mechanizations import MechanizationComparison as MechanizationC
 from .evaluation.mechanizations import bias_correlation as bias_correlation
 from .evaluation.mechanizations import compare_mechanizations as compare_mechanizations
 from .evaluation.mechanizations import trajectory_errors as trajectory_errors
+from .evaluation.monte_carlo import MonteCarloResult as MonteCarloResult
+from .evaluation.monte_carlo import monte_carlo as monte_carlo
 from .evaluation.outage_twin import OutageTwin as OutageTwin
 from .evaluation.outage_twin import draw_outage_twin as draw_outage_twin
 from .evaluation.outage_twin import outage_twin as outage_twin

@@ -33,7 +33,7 @@ from schuler.io.columns import (
 from schuler.io.notes import Notes
 from schuler.io.options import ReadOptions, choose_columns, unit_of
 from schuler.io.source import Columns, Source
-from schuler.io.two_rates import on_one_axis
+from schuler.io.tables.two_rates import on_one_axis
 from schuler.io.units_by_physics import Taken, confirm_units, refuse_impossible
 from schuler.types import FloatArray
 
