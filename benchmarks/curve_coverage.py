@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-from benchmarks.identification import flicker, walk, white
+from benchmarks.identification import flicker, quantised, walk, white
 from schuler.curves.allan import allan_deviation
 from schuler.types import FloatArray
 
@@ -25,9 +25,16 @@ def truth(name: str, m: FloatArray, kind: str) -> FloatArray:
     if kind == "hadamard":
         # (9 ln 3 / 2 - 4 ln 2 ... )/pi of third differences: 1/2 ln(256/27) 2/pi/... by Riley
         b2 = np.full(m.size, 0.5 * np.log(256.0 / 27.0) / np.pi)
-    return {"white": n2, "walk": k2, "flicker": b2, "mix": n2 + 3e-6 * k2, "nb": n2 + 2e-3 * b2}[
-        name
-    ]
+    q2 = 3.0 / m**2 if kind == "overlapping" else 10.0 / 3.0 / m**2
+    return {
+        "white": n2,
+        "walk": k2,
+        "flicker": b2,
+        "mix": n2 + 3e-6 * k2,
+        "nb": n2 + 2e-3 * b2,
+        "quantised": q2,
+        "qn": q2 + 1e-2 * n2,
+    }[name]
 
 
 def signal(name: str, rng: np.random.Generator) -> FloatArray:
@@ -40,13 +47,15 @@ def signal(name: str, rng: np.random.Generator) -> FloatArray:
         return flicker(n, 1.0, rng)
     if name == "mix":
         return white(n, 1.0, 1.0, rng) + walk(n, 1.0, 3e-6**0.5, rng)
+    if name in ("quantised", "qn"):
+        return quantised(n, 1.0, 1.0, rng) + (name == "qn") * white(n, 1.0, 0.1, rng)
     return white(n, 1.0, 1.0, rng) + flicker(n, 2e-3**0.5, rng)
 
 
 def main(count: int, first: int) -> None:
     factors = np.unique([round(SAMPLES / s) for s in SHARES])
     for kind in ("overlapping", "hadamard"):
-        for name in ("white", "walk", "flicker", "mix", "nb"):
+        for name in ("white", "walk", "flicker", "mix", "nb", "quantised", "qn"):
             held: dict[int, list[bool]] = {}
             for seed in range(first, first + count):
                 x = signal(name, np.random.default_rng(seed))

@@ -4,8 +4,9 @@
 
 The generator is independent of `schuler.simulate`: exact fractional-difference flicker, AR(1)
 recursions, cumulative sums. A line for every class: how often the structure is right, how often a
-random walk is invented, and for every parameter mean ratio to truth, its scatter, the claimed
-error and the share of 95 % intervals that hold the truth.
+random walk is invented, lines that are not there, and for every parameter mean ratio to truth, its
+scatter, the claimed error and the share of 95 % intervals that hold the truth, or of the limits
+where the term is not in the answer. Every class has seeds of its own.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import json
 import math
 import sys
 import time
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -129,6 +131,7 @@ class One:
     values: dict[str, float]
     errors: dict[str, float]
     limits: dict[str, float]
+    lines: int
     seconds: float
 
 
@@ -136,12 +139,19 @@ def runs(
     case: Case, method: str, seeds: range, find: Callable[..., object] = identify
 ) -> Iterator[One]:
     for seed in seeds:
-        x = case.signal(np.random.default_rng(seed))
+        x = case.signal(np.random.default_rng([seed, zlib.crc32(repr(case).encode())]))
         begun = time.process_time()
         found = find(x, case.rate, method=method)
         seconds = time.process_time() - begun
         letters = "+".join(LETTERS.get(p.kind, "?") for p in found.process.parts)
-        yield One(letters, found.parameters, found.standard_errors, found.limits, seconds)
+        yield One(
+            letters,
+            found.parameters,
+            found.standard_errors,
+            found.limits,
+            len(found.lines),
+            seconds,
+        )
 
 
 def summary(case: Case, found: list[One]) -> dict[str, object]:
@@ -151,6 +161,7 @@ def summary(case: Case, found: list[One]) -> dict[str, object]:
         "right": counts[case.structure] / len(found),
         "structures": dict(counts.most_common()),
         "walks": sum("K" in one.structure for one in found),
+        "lines": sum(one.lines for one in found),
         "cpu_s": float(np.median([one.seconds for one in found])),
     }
     for short, truth in case.truth.items():
@@ -165,6 +176,13 @@ def summary(case: Case, found: list[One]) -> dict[str, object]:
                 "se": round(float(error.mean()), 4),
                 "coverage": round(float(held), 3),
                 "n": len(pairs),
+            }
+        limits = [o.limits[key] / truth for o in found if key not in o.values and key in o.limits]
+        if limits:
+            out[f"limit of {short}"] = {
+                "held": round(float(np.mean(np.array(limits) >= 1.0)), 3),
+                "ratio": round(float(np.median(limits)), 2),
+                "n": len(limits),
             }
     return out
 

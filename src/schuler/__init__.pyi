@@ -82,6 +82,8 @@ from .estimation.garch.arma_garch import fit_arma_garch as fit_arma_garch
 from .estimation.garch.conditional_variance import ewma_variance as ewma_variance
 from .estimation.garch.conditional_variance import garch_log_likelihood as garch_log_likelihood
 from .estimation.garch.conditional_variance import simulate_garch as simulate_garch
+from .estimation.garch.dynamic_correlation import DccFit as DccFit
+from .estimation.garch.dynamic_correlation import fit_dcc as fit_dcc
 from .estimation.garch.fit import fit_garch as fit_garch
 from .estimation.garch.result import GarchFit as GarchFit
 from .estimation.garch.selection import select_garch as select_garch
@@ -233,6 +235,7 @@ __all__ = [
     "BiasInstability",
     "CausalDenoiser",
     "CorrelatedGnss",
+    "DccFit",
     "Denoised",
     "ErrorModel",
     "ErrorModelComparison",
@@ -353,6 +356,7 @@ __all__ = [
     "fit_ar_orders",
     "fit_arma",
     "fit_arma_garch",
+    "fit_dcc",
     "fit_garch",
     "fit_gauss_markov",
     "fit_gmwm",

@@ -11,7 +11,11 @@ from schuler.errors import InputError
 from schuler.estimation.garch.conditional_variance import simulate_garch
 from schuler.estimation.garch.fit import fit_garch
 
-# 1974 daily returns of the Deutschmark in pounds, 1984 to 1991 (Bollerslev and Ghysels 1996)
+# 1974 daily returns of the Deutschmark in pounds, 3 January 1984 to 31 December 1991, in per cent.
+# Origin: the authors' file in the data archive of the Journal of Business and Economic Statistics,
+# April 1996 (Bollerslev and Ghysels 1996, 14:139), which states no terms; the archive was made for
+# checks like this one, and AER (MarkPound), rugarch (dmbp), MSGARCH and timeSeries (dem2gbp) ship
+# the same numbers. They are rates of the market, and only this test reads them.
 RETURNS = np.loadtxt(Path(__file__).parent / "deutschmark_pound.txt")
 MEAN = -0.00619041
 

@@ -45,6 +45,7 @@ def allan_covariance(
 
 
 _FEW_CLUSTERS = 50.0
+_QUANTISED = -1.8
 
 
 def power_law_degrees_of_freedom(
@@ -101,10 +102,17 @@ def not_by_chance(slope: FloatArray, factors: NDArray[np.int64], samples: int) -
     """Slopes with those of long clusters held at that of white noise or above.
 
     Few clusters scatter so much that the slope is steep by chance; quantisation, whose slope that
-    would be, has many times their degrees of freedom and never shows at such times.
+    would be, has many times their degrees of freedom. Only where it rules right up to the long
+    clusters may it go on to rule them.
     """
     few = factors > samples / _FEW_CLUSTERS
-    return np.where(few[:, None] if slope.ndim == 2 else few, np.maximum(slope, -1.0), slope)
+    many = np.flatnonzero(~few)
+    if many.size == 0:
+        return np.maximum(slope, -1.0)
+    rules = slope[many[-1]] < _QUANTISED
+    floor = np.where(rules, -2.0, -1.0)
+    held = few[:, None] if slope.ndim == 2 else few
+    return np.where(held, np.maximum(slope, floor), slope)
 
 
 def chi_square_bounds(

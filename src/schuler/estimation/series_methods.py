@@ -28,7 +28,7 @@ Model = Any
 MOST_LAGS = 20
 FOS_LAGS = 10
 ARMA_ORDERS = 3
-CHOOSING_SAMPLES = 60_000
+CHOOSING_SAMPLES = 24_000
 """Orders of long ARMA models are chosen on so many samples; the fit takes all."""
 
 
@@ -154,19 +154,9 @@ def by_arma(
     wanted = _two(order, "arma")
     if isinstance(model, ARMA):
         wanted = (len(model.phi), len(model.theta))
-    flags: tuple[str, ...] = ()
     if wanted is None:
         most = min(ARMA_ORDERS, max((values.size - 10) // 20, 0))
-        middle = max(values.size - CHOOSING_SAMPLES, 0) // 2
-        part = values[middle : middle + CHOOSING_SAMPLES]
-        fit = select_arma(part, most, most, criterion="bic", rate=rate)
-        if part.size < values.size:
-            candidates = fit.candidates
-            fit = fit_arma(values, *fit.order, rate=rate)
-            flags = (
-                f"orders {fit.order} were chosen by BIC among {len(candidates)} on "
-                f"{part.size} samples in the middle of the record",
-            )
+        fit = select_arma(values, most, most, criterion="bic", rate=rate, choosing=CHOOSING_SAMPLES)
     else:
         fit = fit_arma(values, *wanted, rate=rate)
     process, why = _process_of(fit)
@@ -183,7 +173,7 @@ def by_arma(
             expected_variance=fit.innovation_variance,
         ),
         converged=fit.converged,
-        flags=(*flags, *fit.flags),
+        flags=fit.flags,
         fit=fit,
     )
 

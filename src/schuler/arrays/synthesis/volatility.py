@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from schuler.arrays.redundant import Sensor, redundant_sensors
 from schuler.arrays.synthesis.least_squares import residuals
@@ -58,6 +59,7 @@ def averaged_volatility(
     divisor: Divisor = "unbiased",
     causal: bool = False,
     remove_mean: bool = False,
+    robust: bool = False,
 ) -> AveragedVolatility:
     """Return the noise level of an array through time, taken to be the same for all its sensors.
 
@@ -71,6 +73,9 @@ def averaged_volatility(
         Which.
     divisor, causal, remove_mean
         As in `window_volatility`.
+    robust : bool
+        Residuals beyond four deviations of their window count as four: outliers and knocks of
+        single sensors do not raise the level of all.
 
     Returns
     -------
@@ -106,6 +111,7 @@ def averaged_volatility(
         divisor=divisor,
         causal=causal,
         remove_mean=remove_mean,
+        robust=robust,
     )
 
 
@@ -117,6 +123,7 @@ def window_volatility(
     divisor: Divisor = "unbiased",
     causal: bool = False,
     remove_mean: bool = False,
+    robust: bool = False,
 ) -> AveragedVolatility:
     """Return the averaged volatility of vectors that redundant triads measured."""
     w = np.asarray(vectors, dtype=np.float64)
@@ -137,6 +144,8 @@ def window_volatility(
     filled = np.where(there[:, :, None], w, 0.0)
     mean = filled.sum(axis=1) / np.maximum(number, 1)[:, None]
     x = np.where(there[:, :, None], w - mean[:, None, :], 0.0)
+    if robust:
+        x = _held_back(x, there, number, half_window, causal)
     squares = (x**2).sum(axis=(1, 2))
     total = _window_sum(squares, half_window, causal)
     freedom = 3.0 * _window_sum(np.maximum(number - 1.0, 0.0), half_window, causal)
@@ -157,6 +166,38 @@ def window_volatility(
     return AveragedVolatility(
         stamps, np.maximum(variance, 0.0), error, half_window, causal, divisor
     )
+
+
+_HELD = 4.0
+
+
+def _held_back(
+    x: FloatArray,
+    there: NDArray[np.bool_],
+    number: NDArray[np.int64],
+    half_window: int,
+    causal: bool,
+) -> FloatArray:
+    """Residuals none of which is beyond four deviations of its window.
+
+    An outlier moves the mean of its moment too: residuals are first taken about the median.
+    """
+    about = np.where(there[:, :, None], x, np.nan)
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        middle = np.nan_to_num(np.nanmedian(about, axis=1))
+    about = np.where(there[:, :, None], x - middle[:, None, :], 0.0)
+    freedom = 3.0 * _window_sum(np.maximum(number - 1.0, 0.0), half_window, causal)
+    kept = about
+    for _ in range(12):
+        total = _window_sum((kept**2).sum(axis=(1, 2)), half_window, causal)
+        limit = _HELD * np.sqrt(np.maximum(total, 0.0) / np.maximum(freedom, 1.0))
+        again = np.clip(about, -limit[:, None, None], limit[:, None, None])
+        if np.allclose(again, kept, rtol=1e-3, atol=0.0):
+            break
+        kept = again
+    mean = kept.sum(axis=1) / np.maximum(number, 1)[:, None]
+    return np.where(there[:, :, None], kept - mean[:, None, :], 0.0)
 
 
 def residual_volatility(

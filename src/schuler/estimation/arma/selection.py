@@ -33,6 +33,7 @@ def select_arma(
     criterion: Literal["aic", "bic"] = "aic",
     rate: float = 1.0,
     errors: ErrorKind = "outer_product",
+    choosing: int | None = None,
 ) -> ArmaFit:
     """Choose the orders of an ARMA model by AIC or BIC, all on the same samples.
 
@@ -48,6 +49,9 @@ def select_arma(
         Samples a second.
     errors : {"outer_product", "information", "robust"}
         As for `fit_arma`.
+    choosing : int, optional
+        Orders are compared on so many samples in the middle of the record, and only the best is
+        fitted to all of it.
 
     Returns
     -------
@@ -80,16 +84,24 @@ def select_arma(
     values = checked_signal(signal, 10 + 5 * (max_p + max_q))
     centre, scale = float(values.mean()), float(values.std())
     unit = (values - centre) / scale
+    size = min(max(choosing or unit.size, 10 + 5 * (max_p + max_q)), unit.size)
+    middle = (unit.size - size) // 2
+    part = unit[middle : middle + size]
     climbs: dict[tuple[int, int], Climb] = {}
     for p in range(max_p + 1):
         for q in range(max_q + 1):
-            climbs[p, q] = _with_neighbours(unit, p, q, climbs)
+            climbs[p, q] = _with_neighbours(part, p, q, climbs)
     candidates = tuple(
-        _candidate(p, q, found, climbs, unit.size, scale) for (p, q), found in climbs.items()
+        _candidate(p, q, found, climbs, size, scale) for (p, q), found in climbs.items()
     )
     allowed = [c for c in candidates if not c.rejected]
-    warnings = () if allowed else ("no order passes: every fit was rejected",)
+    warnings: tuple[str, ...] = () if allowed else ("no order passes: every fit was rejected",)
     chosen = min(allowed or candidates, key=lambda c: c.aic if criterion == "aic" else c.bic)
+    if size < unit.size:
+        warnings += (
+            f"orders ({chosen.p}, {chosen.q}) were chosen by {criterion.upper()} among "
+            f"{len(candidates)} on {size} samples in the middle of the record",
+        )
     best = climb(unit, climbs[chosen.p, chosen.q].coefficients, chosen.p)
     return finish(unit, best, chosen.p, centre, scale, rate, errors, warnings, candidates)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
@@ -24,6 +25,8 @@ __all__ = ["GarchFit", "fit_garch"]
 FEWEST = 500
 """Samples below which only a constant variance is estimated (spec 5.2)."""
 CONVERGED = 1e-6
+HELD = 4.0
+"""Conditional deviations beyond which a robust fit holds a sample back."""
 _NEARLY_INTEGRATED = 1e-5
 
 
@@ -37,6 +40,7 @@ def fit_garch(
     variance_targeting: bool | None = None,
     start: Literal["backcast", "sample"] | float = "backcast",
     distribution: Literal["normal", "student"] = "normal",
+    robust: bool = False,
 ) -> GarchFit:
     """Fit a GARCH(p, q) by maximum likelihood from several starts.
 
@@ -64,6 +68,9 @@ def fit_garch(
     distribution : {"normal", "student"}
         Law of Z. Gaussian quasi likelihood is right on average for any law; "student" fits the
         degrees of freedom too, holds single wild samples back, and is flagged where Z is normal.
+    robust : bool
+        Samples beyond four of their own conditional deviations count as four, in the fit and in
+        every variance that is computed from it: a knock moves neither.
 
     Returns
     -------
@@ -103,6 +110,21 @@ def fit_garch(
         raise InputError("variance targeting with Student's law", expected="one of the two")
     values = checked_signal(signal, 1, varying=False)
     centre = float(values.mean()) if mean == "sample" else 0.0
+    if robust:
+
+        def plain(x: FloatArray) -> GarchFit:
+            return fit_garch(
+                x,
+                p,
+                q,
+                rate=rate,
+                mean="zero",
+                variance_targeting=variance_targeting,
+                start=start,
+                distribution=distribution,
+            )
+
+        return _held_back(values, float(np.median(values)) if mean == "sample" else 0.0, plain)
     residual = values - centre
     if not varies(values) or not residual.any():
         return _constant(residual, p, q, centre, rate, "constant signal: no variance to model")
@@ -144,6 +166,24 @@ def fit_garch(
     after = residual_tests(residual / deviation)
     flags += _flags(fit, solution, before, after, residual, centre, outlier)
     return replace(fit, before=before, after=after, flags=tuple(flags))
+
+
+def _held_back(
+    values: FloatArray, centre: float, fit: Callable[[FloatArray], GarchFit]
+) -> GarchFit:
+    """Fit again and again to what the last fit lets stand."""
+    residual = values - centre
+    spread = 1.4826 * float(np.median(np.abs(residual)))
+    limit = 2.0 * HELD * spread if spread > 0.0 else math.inf
+    kept = np.clip(residual, -limit, limit)
+    for _ in range(6):
+        found = replace(fit(kept), held=HELD)
+        before, kept = kept, found.held_back(residual, before=found.start_variance)
+        if np.array_equal(before, kept):
+            break
+    count = int(np.count_nonzero(kept != residual))
+    said = f"{count} samples beyond {HELD:g} conditional deviations were held back"
+    return replace(found, mean=centre, flags=(*found.flags, said) if count else found.flags)
 
 
 def _before(start: object, unit: FloatArray, scale: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ STARTS = ((0.05, 0.90), (0.02, 0.975), (0.01, 0.988), (0.1, 0.8), (0.2, 0.4))
 NEAR = 1e-4
 """Squared distance to a maximum, in standard errors, at which a start counts as arrived."""
 _NO_WEIGHT = 1e-9
+SEGMENT = 40_000
+"""Samples of a longer record on which starts are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,12 +122,14 @@ def solve(unit: FloatArray, p: int, q: int, before: float) -> GarchSolution:
         weights=np.arange(k) > 0,
         allowed=lambda u: True,
     )
+    of_part = garch_slopes(_part(unit), p, q, before)
+    rough = replace(problem, evaluate=lambda u: of_part(u, _NO_OUTER))
     variance = float(np.mean(unit**2))
     begins = [
         np.concatenate([[variance * (1.0 - a - b)], np.full(p, a / p), np.full(q, b / max(q, 1))])
         for a, b in _starts(q)
     ]
-    best, starts = _best(problem, begins, q)
+    best, starts = _best(problem, rough if unit.size > SEGMENT else None, begins, q)
     if not (best.parameters[1 : p + 1] > _NO_WEIGHT).any():
         return _at_constant(evaluate, variance, p, q, before, starts)
     outer = np.zeros((k, k))
@@ -151,15 +155,34 @@ def _starts(q: int) -> tuple[tuple[float, float], ...]:
     return STARTS if q else ((0.3, 0.0), (0.8, 0.0), (0.05, 0.0))
 
 
+def _part(unit: FloatArray) -> FloatArray:
+    """The middle of a long record, on which starts are compared."""
+    first = max(unit.size - SEGMENT, 0) // 2
+    return unit[first : first + SEGMENT]
+
+
 def _best(
-    problem: Problem, begins: list[FloatArray], q: int
+    problem: Problem, rough: Problem | None, begins: list[FloatArray], q: int
 ) -> tuple[Summit, tuple[StartEnd, ...]]:
-    summits = [climb(problem, start, close=NEAR) for start in begins]
+    """Climb from all starts, on a part of a long record first; the best goes on on all of it."""
+    summits = [climb(rough or problem, start, close=NEAR) for start in begins]
+    values = [problem.evaluate(s.parameters)[0] if rough else s.value for s in summits]
     ends = tuple(
-        StartEnd(a, b, s.value, s.distance) for (a, b), s in zip(_starts(q), summits, strict=True)
+        StartEnd(a, b, value, s.distance)
+        for (a, b), value, s in zip(_starts(q), values, summits, strict=True)
     )
-    best = max(summits, key=lambda s: s.value)
-    return climb(problem, best.parameters), ends
+    order = sorted(range(len(summits)), key=lambda k: -values[k])
+    best = climb(problem, summits[order[0]].parameters)
+    if rough:
+        # another hill of the part may be the highest of all
+        other = next((k for k in order if _apart(summits[k], summits[order[0]])), None)
+        if other is not None:
+            best = max(best, climb(problem, summits[other].parameters), key=lambda s: s.value)
+    return best, ends
+
+
+def _apart(a: Summit, b: Summit) -> bool:
+    return bool(abs(a.value - b.value) > 0.05)
 
 
 def _at_constant(
@@ -204,7 +227,14 @@ def solve_targeted(unit: FloatArray, p: int, q: int, before: float) -> GarchSolu
         allowed=lambda w: True,
     )
     begins = [np.concatenate([np.full(p, a / p), np.full(q, b / max(q, 1))]) for a, b in _starts(q)]
-    best, starts = _best(problem, begins, q)
+    of_part = garch_slopes(_part(unit), p, q, before)
+
+    def tied_part(w: FloatArray) -> Answer:
+        value, score, information = of_part(full(w), _NO_OUTER)
+        return value, weights.T @ score, weights.T @ information @ weights
+
+    rough = replace(problem, evaluate=tied_part) if unit.size > SEGMENT else None
+    best, starts = _best(problem, rough, begins, q)
     if not (best.parameters[:p] > _NO_WEIGHT).any():
         return _at_constant(evaluate, variance, p, q, before, starts)
     parameters = full(best.parameters)

@@ -17,6 +17,7 @@ from schuler.estimation.signals import checked_signal
 from schuler.noise import WhiteNoise
 from schuler.types import FloatArray
 
+_MOST_PASSES = 50
 Method = Literal["maximum likelihood", "variance targeting", "ewma", "constant"]
 
 
@@ -97,6 +98,8 @@ class GarchFit(Exportable):
         Of Student's law, where it was fitted.
     candidates : tuple of GarchCandidate
         The orders that `select_garch` compared.
+    held : float or None
+        Conditional deviations beyond which samples are held back, in a robust fit.
 
     Examples
     --------
@@ -136,6 +139,7 @@ class GarchFit(Exportable):
     degrees_of_freedom: float | None = None
     degrees_of_freedom_error: float | None = None
     candidates: tuple[GarchCandidate, ...] = ()
+    held: float | None = None
 
     @property
     def order(self) -> tuple[int, int]:
@@ -195,9 +199,28 @@ class GarchFit(Exportable):
             In u².
         """
         values = checked_signal(signal, 0, varying=False) - self.mean
+        if self.held is not None:
+            values = self.held_back(values, before=before)
+        return self._variance(values, before)
+
+    def _variance(self, values: FloatArray, before: float | None) -> FloatArray:
         return garch_conditional_variance(
             values, self.alpha0, self.alpha, self.beta, before=self._before(before)
         )
+
+    def held_back(self, residual: FloatArray, *, before: float | None = None) -> FloatArray:
+        """A signal less its mean, no sample beyond `held` of its conditional deviations."""
+        if self.held is None or not residual.size:
+            return residual
+        kept = residual
+        # a sample depends on those before it alone: right from the left end on, pass by pass
+        for _ in range(_MOST_PASSES):
+            limit = self.held * np.sqrt(self._variance(kept, before))
+            again = np.clip(residual, -limit, limit)
+            if np.array_equal(again, kept):
+                break
+            kept = again
+        return kept
 
     def _before(self, before: float | None) -> float:
         if before is not None:

@@ -8,15 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from schuler.estimation.garch.conditional_variance import garch_conditional_variance
+from schuler.estimation.garch.differences import climb_samples
 from schuler.estimation.garch.result import GarchFit
-from schuler.estimation.optimizer import Rules, Slopes, minimise
-from schuler.estimation.products import gram
 from schuler.types import FloatArray
 
-_STEP = 1e-5
 _START = 8.0
 _FEWEST, _NORMAL = 2.1, 200.0
-_RULES = Rules(damping=1e-3, longest=1.0, ridge=1e-10, close=1e-8, rounding=1e-14)
 
 
 def student_log_likelihoods(residual: FloatArray, variance: FloatArray, nu: float) -> FloatArray:
@@ -45,32 +42,21 @@ def with_student(fit: GarchFit, residual: FloatArray) -> tuple[GarchFit, list[st
         )  # fmt: skip
         return student_log_likelihoods(residual / scale, variance, 2.0 + float(numbers[-1]))
 
-    def scores(at: FloatArray) -> FloatArray:
-        steps = _STEP * np.eye(at.size)
-        return np.array([(samples(at + s) - samples(at - s)) / (2.0 * _STEP) for s in steps])
-
-    def slopes(at: FloatArray) -> Slopes[None]:
-        if np.exp(at[1:-1]).sum() >= 1.0 - 1e-7:
-            return Slopes(math.inf, np.zeros(at.size), np.eye(at.size), None)
-        rows = scores(at)
-        return Slopes(-float(samples(at).sum()), rows.sum(axis=1), gram(rows), None)
+    def allowed(at: FloatArray) -> bool:
+        return float(np.exp(at[1:-1]).sum()) < 1.0 - 1e-7
 
     high = np.full(start.size, np.inf)
     high[-1] = math.log(_NORMAL - 2.0)
     low = np.full(start.size, math.log(1e-12))
     low[-1] = math.log(_FEWEST - 2.0)
-    found = minimise(slopes, start, (low, high), _RULES)
-    at, outer = found.at, found.slopes.curvature
-    hessian = _hessian(lambda x: float(samples(x).sum()), at)
-    bread = np.linalg.pinv(hessian)
-    back = np.exp(at) * np.concatenate([[scale**2], np.ones(p + q), [1.0]])
-    numbers = back.copy()
-    sandwich = bread @ outer @ bread * np.outer(back, back)
-    plain = bread * np.outer(back, back)
-    value = -found.value - n * math.log(scale)
+    found = climb_samples(samples, start, (low, high), allowed)
+    numbers = np.exp(found.at) * np.concatenate([[scale**2], np.ones(p + q), [1.0]])
+    back = np.outer(numbers, numbers)
+    sandwich, plain = found.sandwich * back, found.hessian * back
+    value = found.value - n * math.log(scale)
     count = p + q + 2
     nu = 2.0 + float(numbers[-1])
-    errors, own = _named(np.asarray(sandwich), p, q), _named(np.asarray(plain), p, q)
+    errors, own = _named(sandwich, p, q), _named(plain, p, q)
     out = replace(
         fit,
         alpha0=float(numbers[0]),
@@ -94,20 +80,6 @@ def with_student(fit: GarchFit, residual: FloatArray) -> tuple[GarchFit, list[st
     if nu > 0.5 * _NORMAL:
         flags.append("Z is normal: Student's law has nothing to add")
     return out, flags
-
-
-def _hessian(value: object, at: FloatArray) -> FloatArray:
-    """Negative second derivative by central differences."""
-    assert callable(value)
-    k, step = at.size, 1e-3
-    out = np.empty((k, k))
-    moves = step * np.eye(k)
-    for i in range(k):
-        for j in range(i + 1):
-            a, b = moves[i], moves[j]
-            both = value(at + a + b) - value(at + a - b) - value(at - a + b) + value(at - a - b)
-            out[i, j] = out[j, i] = -both / (4.0 * step * step)
-    return out
 
 
 def _named(covariance: FloatArray, p: int, q: int) -> dict[str, float]:
