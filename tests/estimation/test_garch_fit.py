@@ -122,8 +122,8 @@ def test_long_load_in_rad_per_second(long_fit: GarchFit) -> None:
     assert 0.0 <= gain < 8.2
     for name, value in W3.items():
         assert abs(long_fit.values[name] - value) < 3.0 * long_fit.standard_errors[name]
-    # every start ended at the same place
-    assert np.ptp([s.log_likelihood for s in long_fit.starts]) < 1e-3
+    # every start ended at the same place of the middle part
+    assert np.ptp([s.log_likelihood for s in long_fit.starts]) < 1e-2
     assert all(s.converged for s in long_fit.starts)
     assert long_fit.persistence == pytest.approx(0.9975, abs=6e-4)
     assert long_fit.half_life == pytest.approx(math.log(0.5) / math.log(long_fit.persistence))

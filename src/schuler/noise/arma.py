@@ -64,7 +64,11 @@ def stationary_covariance(padded: FloatArray, gain: FloatArray) -> FloatArray:
     noise = np.outer(gain, gain)
     # vec(T P T') with row-major vec is kron(T, T) vec(P)
     system = np.eye(s * s) - np.einsum("ij,kl->ikjl", transition, transition).reshape(s * s, s * s)
-    solution = np.linalg.solve(system, noise.ravel()).reshape(s, s)
+    try:
+        solution = np.linalg.solve(system, noise.ravel()).reshape(s, s)
+    except np.linalg.LinAlgError:
+        # poles on the circle but for rounding: a variance that no number can hold
+        solution = np.linalg.lstsq(system, noise.ravel())[0].reshape(s, s)
     return np.asarray(0.5 * (solution + solution.T))
 
 
