@@ -93,15 +93,15 @@ from .estimation.gmwm.replicates import PooledIdentification as PooledIdentifica
 from .estimation.gmwm.replicates import fit_gmwm_replicates as fit_gmwm_replicates
 from .estimation.identification import Identification as Identification
 from .estimation.identify import identify as identify
-from .estimation.innovation_floor import (
-    innovation_variance_of_signal as innovation_variance_of_signal,
-)
 from .estimation.maximum_likelihood import fit_maximum_likelihood as fit_maximum_likelihood
 from .estimation.orthogonal_search.protocol import search_by_protocol as search_by_protocol
 from .estimation.orthogonal_search.result import FosFit as FosFit
 from .estimation.orthogonal_search.search import fast_orthogonal_search as fast_orthogonal_search
-from .estimation.prediction import compare_predictors as compare_predictors
-from .estimation.prediction import multi_step_ar as multi_step_ar
+from .estimation.predictors.comparison import compare_predictors as compare_predictors
+from .estimation.predictors.comparison import multi_step_ar as multi_step_ar
+from .estimation.predictors.innovation_floor import (
+    innovation_variance_of_signal as innovation_variance_of_signal,
+)
 from .estimation.residuals.tests import arch_lm_test as arch_lm_test
 from .estimation.residuals.tests import jarque_bera_test as jarque_bera_test
 from .estimation.residuals.tests import ljung_box_test as ljung_box_test

@@ -11,13 +11,13 @@ from scipy.signal import lfilter
 
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.autoregressive.fit import fit_ar
-from schuler.estimation.innovation_floor import (
+from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
+from schuler.estimation.predictors.comparison import compare_predictors, multi_step_ar
+from schuler.estimation.predictors.innovation_floor import (
     check_prediction_floor,
     innovation_variance,
     innovation_variance_of_signal,
 )
-from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
-from schuler.estimation.prediction import compare_predictors, multi_step_ar
 from schuler.kernels.noise.prediction import kalman_states
 from schuler.noise import GaussMarkov, Process, RandomWalk, WhiteNoise
 from schuler.noise.autoregressive import Autoregressive

@@ -11,8 +11,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from schuler.errors import EstimationError
 from schuler.estimation.autoregressive.fit import fit_ar, fit_ar_orders
-from schuler.estimation.innovation_floor import check_prediction_floor
 from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
+from schuler.estimation.predictors.innovation_floor import check_prediction_floor
 from schuler.noise import GaussMarkov, WhiteNoise
 
 FloatArray = NDArray[np.float64]

@@ -85,8 +85,10 @@ class MonteCarloResult(Exportable):
         from scipy.stats import chi2
 
         total = self.runs * freedom
-        low, high = chi2.ppf([0.5 * (1.0 - probability), 0.5 * (1.0 + probability)], total) / total
-        return float(self._of(name).mean() / freedom), float(low), float(high)
+        low, high = (
+            float(chi2.ppf(0.5 + side * 0.5 * probability, total)) / total for side in (-1.0, 1.0)
+        )
+        return float(self._of(name).mean() / freedom), low, high
 
     def _of(self, name: str) -> FloatArray:
         if name not in self.values:
@@ -155,7 +157,7 @@ def monte_carlo(
     names = set(found[0]) - {"cpu seconds"}
     values = {}
     for name in sorted(names):
-        shapes = {np.shape(one.get(name)) for one in found if name in one}
+        shapes = {np.shape(one[name]) for one in found if name in one}
         if len(shapes) != 1 or any(name not in one for one in found):
             raise InputError(
                 f"'{name}' is not the same in all runs ({len(shapes)} shapes)",

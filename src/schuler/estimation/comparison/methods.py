@@ -32,8 +32,8 @@ from schuler.estimation.comparison.parameters import (
 from schuler.estimation.disturbances.prepare import has_lines, prepared
 from schuler.estimation.identification import Identification
 from schuler.estimation.identify import METHODS, STRUCTURAL, identify, identify_structure
-from schuler.estimation.innovation_floor import innovation_variance_of_signal
 from schuler.estimation.parts import checked_model
+from schuler.estimation.predictors.innovation_floor import innovation_variance_of_signal
 from schuler.estimation.residuals.diagnostics import ResidualDiagnostics
 from schuler.estimation.result import MethodIdentification
 from schuler.estimation.series_methods import ArGarchFit

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from schuler.data.to_dict import ToDict
 from schuler.errors import InputError
-from schuler.estimation.innovation_floor import (
+from schuler.estimation.orthogonal_search.result import FosFit
+from schuler.estimation.orthogonal_search.search import Stopping, fast_orthogonal_search
+from schuler.estimation.predictors.innovation_floor import (
     check_prediction_floor,
     innovation_variance_of_signal,
 )
-from schuler.estimation.orthogonal_search.result import FosFit
-from schuler.estimation.orthogonal_search.search import Stopping, fast_orthogonal_search
 from schuler.estimation.products import dot
 
 __all__ = ["EvaluatedSearch", "OrthogonalSearchProtocol", "search_by_protocol"]

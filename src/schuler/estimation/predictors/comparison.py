@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from schuler.errors import InputError
 from schuler.estimation.autoregressive.fit import select_ar
 from schuler.estimation.autoregressive.result import ArFit
-from schuler.estimation.innovation_floor import (
+from schuler.estimation.orthogonal_search.result import FosFit
+from schuler.estimation.predictors.innovation_floor import (
     check_prediction_floor,
     innovation_variance_of_signal,
 )
-from schuler.estimation.orthogonal_search.result import FosFit
 from schuler.estimation.signals import prepare
 from schuler.noise import Process
 from schuler.types import FloatArray, IntArray

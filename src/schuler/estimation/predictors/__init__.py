@@ -1,0 +1,1 @@
+"""What predicts the next samples, and the floor under all of it."""
