@@ -83,7 +83,7 @@ def engine_cpu(prepared: PreparedArray, gnss: GnssRecording, name: Mechanization
     setup = prepared.setup
     if name == "extended":
         model = extended_model(prepared.models, prepared.fusion, prepared.array.names)
-        source = Parity(prepared.array, prepared.fusion, prepared.models, model.size)
+        source = Parity(prepared.array, prepared.table, prepared.models, model.size)
         setup = replace(setup, model=model, sensor_start=prepared.sensor_start(), sources=(source,))
     else:
         setup = replace(setup, model=fused_model(prepared.models, prepared.fusion)[0])

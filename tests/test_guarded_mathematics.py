@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from schuler.arrays.geometry import Geometry, tetrahedron_mounting
+from schuler.arrays.merit import parity_matrix
 from schuler.arrays.redundant import redundant_sensors
 from schuler.arrays.tracking import OnlineSettings, follow_sensors
 from schuler.curves.autocorrelation import autocorrelation
@@ -100,3 +102,12 @@ def test_gyro_noise_reaches_the_velocity_of_an_antenna_through_its_lever_arm() -
     rates = np.random.default_rng(4).standard_normal((20_000, 3)) * density / np.sqrt(step)
     seen = (np.cross(rates, lever) @ rotation.T).var(axis=0)
     np.testing.assert_allclose(found, seen, rtol=0.06)
+
+
+def test_parity_of_unequal_sensors_is_blind_to_motion_and_white() -> None:
+    axes = Geometry.from_mounting(tetrahedron_mounting()).axes
+    deviation = np.linspace(0.5, 4.0, 12)
+    parity = parity_matrix(axes, deviation)
+    np.testing.assert_allclose(parity @ axes, 0.0, atol=1e-12)
+    covariance = (parity * deviation**2) @ parity.T
+    np.testing.assert_allclose(covariance, np.eye(9), atol=1e-12)

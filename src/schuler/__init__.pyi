@@ -35,6 +35,7 @@ from .arrays.read import read_array as read_array
 from .arrays.redundant import redundant_sensors as redundant_sensors
 from .arrays.synthesis.conditional import conditional_noise as conditional_noise
 from .arrays.synthesis.cornered_hat import cornered_hat as cornered_hat
+from .arrays.synthesis.rate_from_accelerometers import rate_from_array as rate_from_array
 from .arrays.synthesis.synthetic import SyntheticImu as SyntheticImu
 from .arrays.synthesis.synthetic import synthesize as synthesize
 from .arrays.synthesis.volatility import averaged_volatility as averaged_volatility
@@ -160,6 +161,8 @@ from .navigation.error_models.sensor_denoising import SensorDenoising as SensorD
 from .navigation.error_models.sensor_error_model import sensor_error_model as sensor_error_model
 from .navigation.error_models.sensor_states import SensorErrorModel as SensorErrorModel
 from .navigation.error_models.sources import error_models as error_models
+from .navigation.mechanizations.array_preparation import prepare_array as prepare_array
+from .navigation.mechanizations.array_stream import ArrayFilter as ArrayFilter
 from .navigation.mechanizations.navigate_array import navigate_array as navigate_array
 from .navigation.mechanizations.stacked import RigidBody as RigidBody
 from .navigation.navigate import navigate as navigate
@@ -229,6 +232,7 @@ __all__ = [
     "ArmaFit",
     "ArmaGarchFit",
     "ArrayCalibration",
+    "ArrayFilter",
     "AutocorrelationCurve",
     "Autoregressive",
     "Barometer",
@@ -392,7 +396,9 @@ __all__ = [
     "position_sd_of_white_acceleration",
     "power_spectral_density",
     "prepare",
+    "prepare_array",
     "prepare_detection",
+    "rate_from_array",
     "read_array",
     "read_gnss",
     "read_imu",

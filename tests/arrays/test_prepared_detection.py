@@ -14,6 +14,7 @@ from schuler.arrays.detection.motion_errors import motion_errors
 from schuler.arrays.detection.preparation import prepare_detection
 from schuler.arrays.read import read_array
 from schuler.data import ImuArray, Mounting
+from schuler.errors import InputError
 
 DEGREE = np.pi / 180.0
 
@@ -63,6 +64,38 @@ def test_an_array_that_motion_rules_is_calibrated_in_passing() -> None:
     gyro[3000:, 2, 1] += 2.0 * DEGREE
     ((sensor, name, start),) = excluded(replace(array, gyro=gyro))
     assert (sensor, name) == ("gyro", "imu 3 y") and start < 31.0
+
+
+def one_axis(seed: int, scale: float, seconds: float = 120.0) -> ImuArray:
+    """Four aligned units on a turntable that turns to and fro about down; one is out of scale."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(100 * seconds)) / 100.0
+    rate = np.clip((time - 15.0) / 5.0, 0.0, 1.0) * np.sin(0.4 * time + 0.5 * np.sin(0.1 * time))
+    gyro = 0.1 * DEGREE * rng.standard_normal((time.size, 4, 3))
+    gyro[:, :, 2] += rate[:, None]
+    gyro[:, 2, 2] += scale * rate
+    accel = 0.02 * rng.standard_normal(gyro.shape) + [0.0, 0.0, -9.81]
+    return ImuArray(time, gyro, accel, Mounting.aligned(4))
+
+
+def test_one_unit_out_of_scale_in_motion_about_one_axis_is_no_fault() -> None:
+    for seed in (5, 6):
+        with pytest.raises(InputError, match="not calibrated"):
+            excluded(one_axis(seed, 0.03))
+        healthy = one_axis(seed, 0.0)
+        assert excluded(healthy) == []
+        gyro = healthy.gyro.copy()
+        gyro[6000:, 1, 2] += 2.0 * DEGREE
+        ((_, name, start),) = excluded(replace(healthy, gyro=gyro))
+        assert name == "imu 2 z" and start < 61.0
+
+
+def test_a_gyro_that_sticks_is_a_fault_and_no_error_of_scale() -> None:
+    array = one_axis(7, 0.0)
+    gyro = array.gyro.copy()
+    gyro[7000:, 3, 2] = gyro[7000, 3, 2]
+    ((_, name, _),) = excluded(replace(array, gyro=gyro))
+    assert name == "imu 4 z"
 
 
 @pytest.mark.parametrize("passing", [False, True])

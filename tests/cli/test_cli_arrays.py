@@ -221,7 +221,7 @@ def test_a_calibration_that_does_not_fit_is_one_line(
     alone = ("--imu", str(drive["imu1"]), "--gnss", str(drive["gnss"]))
     done = call(verb, *alone, "--calibration", str(three))
     assert done.code == 2
-    assert "--calibration without --array" in done.one_line()
+    assert "this is no calibration of one IMU" in done.one_line()
 
 
 @pytest.mark.parametrize(

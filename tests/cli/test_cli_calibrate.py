@@ -12,6 +12,7 @@ import pytest
 from outcome import Outcome
 
 from schuler.arrays.calibration.result import ArrayCalibration
+from schuler.data.imu_calibration import ImuCalibration
 from schuler.rotations import dcm_from_rotation_vector
 
 TURN = np.array([[0.02, 0.0, -0.01], [-0.03, 0.01, 0.0], [0.01, -0.01, 0.01]])
@@ -105,3 +106,37 @@ def test_lasting_faults_are_told_from_motion_by_a_healthy_recording(
     assert "Lasting faults in motion" in page.read_text()
     done = call("faults", file, "--healthy", file)
     assert done.code == 2 and "without a calibration" in done.one_line()
+
+
+def test_the_calibration_of_one_imu_is_applied_by_every_verb_that_reads_one(
+    tmp_path: Path, call: Callable[..., Outcome]
+) -> None:
+    rng = np.random.default_rng(8)
+    time = np.arange(6000) / 100.0
+    frame = {"time_s": time}
+    for j, axis in enumerate("xyz"):
+        frame[f"gyro_{axis}_rad_s"] = 1e-3 * rng.standard_normal(time.size) + 0.02
+        frame[f"accel_{axis}_m_s2"] = 1e-2 * rng.standard_normal(time.size) - 9.8 * (j == 2)
+    file, yaml = tmp_path / "still.parquet", tmp_path / "one.yaml"
+    pl.DataFrame(frame).write_parquet(file)
+    zero, one, none = np.zeros(3), np.eye(3), np.zeros((3, 3))
+    ImuCalibration(
+        name="one", accel_matrix=one, accel_matrix_sd=none, accel_bias=zero, accel_bias_sd=zero,
+        gyro_matrix=2.0 * one, gyro_matrix_sd=none, gyro_bias=np.full(3, 0.02), gyro_bias_sd=zero,
+        g_sensitivity=none, g_sensitivity_sd=none, poses=12, turns=11, norm_before=0.1,
+        norm_after=0.01, findings=(),
+    ).save(yaml)  # fmt: skip
+    out = tmp_path / "out.parquet"
+    assert call("convert", file, out, "--calibration", yaml).code == 0
+    gyro = pl.read_parquet(out)["gyro_x_rad_s"].to_numpy()
+    np.testing.assert_allclose(gyro, 2.0 * (frame["gyro_x_rad_s"] - 0.02), atol=1e-12)
+    assert "calibrat" in call("read", file, "--calibration", yaml).out
+    noise = []
+    for more in ((), ("--calibration", yaml)):
+        found = tmp_path / f"{len(more)}.json"
+        assert call("characterize", file, "--model", "W", "--json", found, *more).code == 0
+        noise.append(json.loads(found.read_text()))
+    white = [n["channels"]["gyro_x"]["processes"][0]["density"] for n in noise]
+    assert white[1] == pytest.approx(2.0 * white[0], rel=1e-6)
+    done = call("read", file, "--as", "gnss", "--calibration", yaml)
+    assert done.code == 2

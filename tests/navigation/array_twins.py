@@ -13,11 +13,11 @@ from schuler.data import CHANNELS, GnssRecording, ImuArray, Mounting
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.mechanizations.array_model import (
     fused_model,
-    fusion_of,
     without_idle_states,
 )
 from schuler.navigation.mechanizations.array_preparation import PreparedArray
 from schuler.navigation.mechanizations.array_recording import fused_recording
+from schuler.navigation.mechanizations.sensor_table import sensor_table
 from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.settings import NavigationSettings
@@ -112,10 +112,11 @@ def prepare_twin(
         without_idle_states(sensor_error_model(n, turn_on_accel=0.0, turn_on_gyro=0.0))
         for n in noises
     )
-    fusion = fusion_of(array.mounting, models)
+    table = sensor_table(array.time, array.mounting, models)
+    fusion = table.fusions[0]
     model, _ = fused_model(models, fusion)
     setup = RunSetup(model, NoiseFactors.none(), TimeOffsets(), alignment, ANTENNA - fusion.centre)
     return PreparedArray(
-        array, fused_recording(array, fusion), fusion, models, tuple(noises), setup,
+        array, fused_recording(array, table), table, models, tuple(noises), setup,
         NavigationSettings(lever_arm=ANTENNA),
     )  # fmt: skip

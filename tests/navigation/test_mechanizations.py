@@ -45,7 +45,7 @@ def filtered(twin: ArrayTwin, kind: str, *, parity: bool) -> FilterRun:
         setup = replace(setup, model=fused_model(prepared.models, prepared.fusion)[0])
     else:
         model = extended_model(prepared.models, prepared.fusion, prepared.array.names)
-        sources = (Parity(prepared.array, prepared.fusion, prepared.models, model.size),)
+        sources = (Parity(prepared.array, prepared.table, prepared.models, model.size),)
         setup = replace(setup, model=model, sources=sources if parity else ())
     gnss = withhold(twin.gnss, [OUTAGE])
     return run_engine(

@@ -57,7 +57,7 @@ def test_the_origin_of_the_body_is_found_from_rest_and_motion(name: str) -> None
     assert result.solution.settings["mechanization"] == name
 
 
-def test_short_gaps_are_bridged_and_silent_sensors_left_out() -> None:
+def test_short_gaps_are_bridged_and_silent_sensors_do_not_count() -> None:
     _, array, gnss = ride()
     gyro, accel = array.gyro.copy(), array.accel.copy()
     rng = np.random.default_rng(1)
@@ -75,7 +75,7 @@ def test_short_gaps_are_bridged_and_silent_sensors_left_out() -> None:
     result = navigate_array(
         replace(array, gyro=gyro), gnss, mems(0.3), lever_arm=ANTENNA, time_offset=0.0
     )
-    assert result.prepared.array.names == ("imu 1", "imu 2", "imu 4")
+    assert result.prepared.table.out[-1, :, 6:9].all() and not result.prepared.table.out[0].any()
     assert "imu 3 is silent from 7" in result.prepared.notes[0]
     assert errors(result)[:3].max() < 0.06
 
@@ -111,7 +111,7 @@ def test_what_cannot_be_done_is_said() -> None:
     with pytest.raises(InputError, match="imu 4 is a copy of imu 2"):
         navigate_array(copy, gnss, mems())
     dead = array.gyro.copy()
-    dead[1000:, 1:] = np.nan
+    dead[1:, 1:] = np.nan
     with pytest.raises(InputError, match="1 of 4 IMUs lasted"):
         navigate_array(replace(array, gyro=dead), gnss, mems())
     with pytest.raises(InputError, match="mechanization 'federated'"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -307,7 +307,7 @@ def _tuning(
     )
 
 
-def _outputs(cut: _Blocks, smoothed: int) -> FollowedOutputs:
+def _outputs(cut: _Blocks, smoothed: int, events: int = EVENTS) -> FollowedOutputs:
     """Rows for samples and blocks."""
     from schuler.kernels.arrays.redundancy_data import FollowedOutputs
 
@@ -324,7 +324,7 @@ def _outputs(cut: _Blocks, smoothed: int) -> FollowedOutputs:
         unit_statistic=np.empty(n),
         unit_suspect=np.empty(n, np.int16),
         smoothed=np.empty((blocks, smoothed)),
-        events=np.zeros((EVENTS, 8)),
+        events=np.zeros((events, 8)),
     )
 
 
@@ -388,6 +388,17 @@ def follow_sensors(
         out.events[: min(number, EVENTS)].copy(),
         max(number - EVENTS, 0),
     )
+
+
+def tuning_of_stream(learnt: Followed, settings: OnlineSettings, watch: Watch) -> Tuning:
+    """Shares and thresholds for blocks that come one by one, behind what was learnt from."""
+    cut = _Blocks.of(learnt.sensors, settings, known=False)
+    return replace(_tuning(settings, watch, cut, adapting=True, known=False), learning=-1)
+
+
+def outputs_of_block(size: int, sensors: int, constants: int) -> FollowedOutputs:
+    """Room for one block."""
+    return _outputs(_Blocks(size, sensors, size, 1, 0.0, 0, 0), constants, events=50)
 
 
 def _numbers(values: ArrayLike) -> FloatArray:

@@ -61,12 +61,14 @@ def _tell(name: str, lines: Iterable[str], place: str) -> None:
         say(f"assumed: {name}: and {len(new) - _MOST} more (see the JSON)")
 
 
-def load_imu(path: Path, how: dict[str, Any], place: str = "one") -> ImuRecording:
-    """Read an IMU recording."""
+def load_imu(
+    path: Path, how: dict[str, Any], place: str = "one", *, calibration: Path | None = None
+) -> ImuRecording:
+    """Read an IMU recording, calibrated when a calibration is given."""
     from schuler.io import read_imu
 
     with _reading(path.name, place):
-        recording = read_imu(path, **how)
+        recording = read_imu(path, calibration=calibration, **how)
     _tell(path.name, recording.assumptions, place)
     return recording
 
@@ -155,7 +157,8 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
     from schuler.screening.clocks import check_clocks
     from schuler.screening.screen import repair, screen
 
-    recording = load_imu(imu, reading.imu_options(), "imu")
+    how = reading.imu_options()
+    recording = load_imu(imu, how, "imu", calibration=reading.calibration)
     fixes = load_gnss(gnss, reading.gnss_options())
     check_clocks(recording, fixes)
     try:
@@ -194,11 +197,11 @@ def load_array_drive(
     options: ArrayOptions, gnss: Path, reading: DriveReading
 ) -> tuple[ImuArray, GnssRecording]:
     """Read an array and the GNSS recording beside it."""
-    if options.mount and options.calibration is not None:
+    if options.mount and reading.calibration is not None:
         raise InputError(
             "--mount and --calibration together", expected="one of them: both say how IMUs sit"
         )
-    array = load_array(options.array, options.calibration, reading.imu_options(), place="imu")
+    array = load_array(options.array, reading.calibration, reading.imu_options(), place="imu")
     mounting = options.mounting(array.count)
     if mounting is not None:
         array = replace(array, mounting=mounting)

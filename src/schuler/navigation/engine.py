@@ -28,6 +28,7 @@ from schuler.navigation.stepping import (
     FilterOptions,
     FilterStepper,
     InitialState,
+    SensorStretches,
     VehicleStates,
     kernel_samples,
     kernel_schedule,
@@ -91,6 +92,8 @@ class Checkpoints:
         Nodes made before every part, and in all.
     memories, counters : tuple of ndarray
         Of the filter's state before every part.
+    stretches : SensorStretches or None
+        Where it changes how sensor errors show.
     """
 
     stepper: FilterStepper
@@ -99,6 +102,7 @@ class Checkpoints:
     nodes: tuple[int, ...]
     memories: tuple[FloatArray, ...]
     counters: tuple[NDArray[np.int64], ...]
+    stretches: SensorStretches | None = None
 
     @property
     def bytes(self) -> int:
@@ -125,7 +129,13 @@ class Checkpoints:
             aiding=replace(aiding, row=kept.row, gain=kept.gain),
             nodes=nodes,
         )
-        stepper.advance(again, begin, end, due.size, p + 2 == len(self.start))
+        entered = entered_at(self.stretches, self.filter.samples.time)
+        before = [sample for sample in entered if sample < begin]
+        if before:
+            _enter(self.stretches, entered[max(before)], again)
+        for a, b in pairwise(sorted({begin, end, *(s for s in entered if begin <= s < end)})):
+            _enter(self.stretches, entered.get(a), again)
+            stepper.advance(again, a, b, due.size, p + 2 == len(self.start) and b == end)
         return NodeStretch(first, stop, nodes, again.aiding)
 
 
@@ -225,6 +235,7 @@ def run_engine(
     keep_samples: bool = True,
     keep_nodes: bool = True,
     smoother_memory: float = SMOOTHER_MEMORY,
+    stretches: SensorStretches | None = None,
     **how: Unpack[FilterOptions],
 ) -> FilterRun:
     """Run the filter over a recording."""
@@ -246,8 +257,9 @@ def run_engine(
         memory = state.memory.nbytes + state.counters.nbytes
         starts = _parts(imu.time, schedule.time, node_interval, needed, memory, smoother_memory)
     kept: list[tuple[int, FloatArray, NDArray[np.int64]]] = []
-    asked = asked_at(imu.time, schedule)
-    for first, stop in pairwise(sorted({*starts, *asked})):
+    asked, entered = asked_at(imu.time, schedule), entered_at(stretches, imu.time)
+    for first, stop in pairwise(sorted({*starts, *asked, *entered})):
+        _enter(stretches, entered.get(first), filter_)
         for row in asked.get(first, ()):
             fill_row(schedule, row, filter_)
         if keep_nodes and not whole and first in starts:
@@ -262,7 +274,7 @@ def run_engine(
     if kept:
         before, memories, counters = zip(*kept, strict=True)
         checkpoints = Checkpoints(
-            stepper, filter_, tuple(starts), (*before, count), memories, counters
+            stepper, filter_, tuple(starts), (*before, count), memories, counters, stretches
         )
     return FilterRun(
         samples=filter_.outputs,
@@ -272,6 +284,16 @@ def run_engine(
         final=InitialState(position, velocity, rotation, sensor_state, covariance),
         checkpoints=checkpoints,
     )
+
+
+def entered_at(stretches: SensorStretches | None, time: FloatArray) -> dict[int, int]:
+    """Stretches by the sample that they begin with."""
+    return {} if stretches is None else stretches.starts(time)
+
+
+def _enter(stretches: SensorStretches | None, row: int | None, filter_: Filter) -> None:
+    if stretches is not None and row is not None:
+        stretches.enter(row, filter_)
 
 
 def asked_at(time: FloatArray, schedule: AidingSchedule) -> dict[int, list[int]]:

@@ -88,6 +88,7 @@ def run(
         vehicle=setup.vehicle_states,
         keep_nodes=keep_nodes or smooth or lag is not None,
         smoother_memory=setup.settings.smoother_memory,
+        stretches=setup.stretches,
     )
     innovations = _innovations(schedule, result)
     settings = setup.to_dict() | wheel | run_record(imu, gnss, setup, innovations)

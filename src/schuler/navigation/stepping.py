@@ -95,6 +95,38 @@ class FilterOptions(TypedDict, total=False):
     node_interval: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SensorStretches:
+    """How sensor errors show, where that changes in the middle of a run.
+
+    Parameters
+    ----------
+    time : (b,) ndarray
+        Of the first sample of every stretch, s; the first stretch begins with the run.
+    direction : (b, p, 3) ndarray
+        Of the first p sensor states; the others are always as the model says.
+    white : (b, 2, 3, 3) ndarray
+        Covariance densities of the accelerometers and of the gyros.
+    """
+
+    time: FloatArray
+    direction: FloatArray
+    white: FloatArray
+
+    def starts(self, time: FloatArray) -> dict[int, int]:
+        """Stretch that begins at a sample, for those that the samples see."""
+        begins = np.searchsorted(time, self.time - 1e-9)
+        # the first step takes two samples
+        begins[begins <= 1], begins[0] = 0, 0
+        return {int(sample): row for row, sample in enumerate(begins) if sample < time.size}
+
+    def enter(self, row: int, filter_: Filter) -> None:
+        """Let a filter take samples of a stretch from now on."""
+        model, work, shown = filter_.model, filter_.work, self.direction[row]
+        model.direction[: len(shown)], model.white[:] = shown, self.white[row]
+        work.shown[: len(shown)], work.white[:] = shown, self.white[row]
+
+
 class FilterStepper:
     """A filter between two samples: its state, and what it needs to go on.
 

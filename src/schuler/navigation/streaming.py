@@ -30,6 +30,7 @@ from schuler.kernels.navigation.filter_data import FilterState as KernelState
 from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
 from schuler.navigation.aiding.schedule import (
     GENERAL,
+    LINEAR,
     POSITION,
     VELOCITY,
     AidingSchedule,
@@ -46,6 +47,7 @@ from schuler.navigation.stepping import (
     FilterOptions,
     FilterStepper,
     InitialState,
+    SensorStretches,
     check_references,
 )
 from schuler.navigation.stream_checks import (
@@ -204,6 +206,14 @@ class _Rows:
         return one
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shown:
+    """How sensor errors show from a sample of the stream on; see `SensorStretches`."""
+
+    sample: int
+    stretch: SensorStretches
+
+
 class NavigationFilter:
     """A filter that is fed sample by sample.
 
@@ -287,6 +297,8 @@ class NavigationFilter:
         self._aiding = AidingOutputs.empty(MEASUREMENTS_KEPT, kept, size)
         self._nodes = NodeOutputs.empty(max(nodes, 8), nodes, size, width)
         self._scaled = False
+        self._shown: list[_Shown] = []
+        self._shown_now = -1
         self._filter = self._built()
         snapshots = int(np.ceil(late * rate * 1.5 / SNAPSHOT_EVERY)) + 2
         self._snapshots = [
@@ -724,6 +736,57 @@ class NavigationFilter:
                 return True
         return False
 
+    def fuse_again(
+        self, time: float, gyro: FloatArray, accel: FloatArray, stretch: SensorStretches
+    ) -> None:
+        """Take the latest samples once more, fused in another way, and those to come likewise.
+
+        `gyro`, `accel` (m, 3): of the samples from `time` on. Linear measurements since then rest
+        on the fusion before, and are forgotten.
+        """
+        samples = self._samples
+        sample = samples.count - len(gyro)
+        row = sample - samples.first
+        if len(gyro) and not self._go_back(time):
+            raise InputError(
+                f"a fusion that changes from {time:.3f} s on, {self._last - time:.2f} s ago",
+                expected=f"{self.late:g} s at most",
+            )
+        samples.gyro[row : row + len(gyro)] = gyro
+        samples.accel[row : row + len(gyro)] = accel
+        self._shown = [s for s in self._shown if s.sample < sample]
+        self._shown.append(_Shown(sample if sample > 1 else 0, stretch))
+        # whatever the filter shows now may be of a time it has left
+        self._shown_now = -1
+        self._forget_linear(time)
+        self._catch_up()
+
+    def _forget_linear(self, time: float) -> None:
+        """Leave out linear measurements that are not taken yet and not before a time."""
+        begun, places = int(self._stepper.state.aided[0]), MEASUREMENTS_KEPT
+        rows, kind, kept = self._rows.bytes, self._rows.table["kind"], begun
+        for number in range(begun, self._known):
+            place = number % places
+            if kind[place] == LINEAR and rows[place, 0] >= time:
+                continue
+            rows[kept % places] = rows[place]
+            kept += 1
+        self._known = kept
+
+    def _show(self, begun: int, stop: int) -> int:
+        """Let sensor errors show as they do from a sample on; returns where that changes next."""
+        now = -1
+        for place, shown in enumerate(self._shown):
+            if shown.sample <= begun:
+                now = place
+            else:
+                stop = min(stop, shown.sample)
+                break
+        if now >= 0 and now != self._shown_now:
+            self._shown[now].stretch.enter(0, self._filter)
+        self._shown_now = now
+        return stop
+
     def _catch_up(self) -> None:
         if self._samples.count > 1 and self._begun < self._samples.count:
             self._run()
@@ -734,6 +797,8 @@ class NavigationFilter:
         advance, filter_, known = self._stepper.advance, self._filter, self._known
         while begun < count:
             stop = min(count, begun - begun % SNAPSHOT_EVERY + SNAPSHOT_EVERY)
+            if self._shown:
+                stop = self._show(begun, stop)
             bad = advance(filter_, begun - first, stop - first, known)
             if bad >= 0:
                 when = float(self._samples.time[bad])

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from schuler.arrays.redundant import TITLES, RedundantSensors, Sensor
-from schuler.arrays.tracking import Followed
 from schuler.data.to_dict import ToDict
+from schuler.types import FloatArray
 
 Kind = Literal["axis", "unit", "inconsistent", "missing"]
 
@@ -98,12 +98,13 @@ class FaultRecord(ToDict):
         return line + f"{who} taken out{size} ({shown})"
 
 
-def fault_records(followed: Followed, time_constants: tuple[float, ...]) -> tuple[FaultRecord, ...]:
+def fault_records(
+    events: FloatArray, sensors: RedundantSensors, time_constants: tuple[float, ...]
+) -> tuple[FaultRecord, ...]:
     """Return what happened to one kind of sensor, in order of time."""
-    sensors = followed.sensors
     open_since: dict[tuple[Kind, int], int] = {}
     records: list[FaultRecord] = []
-    for row in followed.events:
+    for row in events:
         sample, kind, index, scale = (int(v) for v in row[:4])
         time = float(sensors.time[sample])
         if kind in OUT:

@@ -218,7 +218,9 @@ def detect_faults(
         )
         if kind == "gyro":
             rate = followed.fused
-        found[kind] = SensorFaults(followed, fault_records(followed, how.time_constants), how)
+        found[kind] = SensorFaults(
+            followed, fault_records(followed.events, sensors, how.time_constants), how
+        )
         limits += _limits(sensors)
     return FaultDetection(found.get("gyro"), found.get("accel"), array.names, tuple(limits))
 

@@ -26,6 +26,10 @@ CALM, LIVELY = 0.25, 0.95
 """Share of the windows that are calm, and beyond which they are lively."""
 LEAST = 8
 """Windows that are needed."""
+PARTS = 3
+"""Of a recording, in which an error of scale must show alike."""
+SURE = 4.0
+"""Standard deviations of a share of the rate that it must exceed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +98,52 @@ def motion_errors(array: ImuArray) -> dict[str, MotionErrors]:
         deviation = np.sqrt(np.append(variance, np.zeros(4 - variance.size)))
         found[kind] = MotionErrors(*(float(v) for v in deviation))
     return found
+
+
+def proportional_errors(array: ImuArray) -> FloatArray:
+    """Return what each gyro axis differs from the others by as a share of the rate, (k, 3).
+
+    Of the changes from one half second to the next, which a lasting offset does not touch; and the
+    smallest of what three parts of the motion say, as long as they agree in sign: an axis that
+    breaks is not out of scale before.
+    """
+    body = array.in_body()
+    values = body.gyro
+    if np.isnan(values).all():
+        return np.zeros((array.count, 3))
+    means = _window_means(values, body.rate)
+    rate = np.nanmedian(means, axis=1)
+    steps, moved = np.diff(means - rate[:, None], axis=0), np.diff(rate, axis=0)
+    known = np.isfinite(moved).all(axis=1)
+    steps, moved = steps[known], moved[known]
+    energy = np.cumsum(np.sum(moved**2, axis=1))
+    if energy.size < PARTS * LEAST or not energy[-1] > 0.0:
+        return np.zeros((array.count, 3))
+    part = np.minimum((PARTS * energy / energy[-1]).astype(int), PARTS - 1)
+    found = np.zeros((PARTS, array.count, 3))
+    for p in range(PARTS):
+        for i in range(array.count):
+            for axis in range(3):
+                found[p, i, axis] = _share(steps[part == p, i, axis], moved[part == p])
+    same = np.abs(np.sign(found).sum(axis=0)) == PARTS
+    return np.asarray(np.where(same, np.abs(found).min(axis=0), 0.0))
+
+
+def _share(steps: FloatArray, moved: FloatArray) -> float:
+    """Largest share of a rate in the steps of one axis that is sure; single large steps apart."""
+    rows = np.isfinite(steps)
+    for _ in range(2):
+        if np.count_nonzero(rows) < LEAST:
+            return 0.0
+        x, y = moved[rows], steps[rows]
+        gram = x.T @ x + 1e-12 * np.trace(x.T @ x) * np.eye(3)
+        share = np.linalg.solve(gram, x.T @ y)
+        left = steps - moved @ share
+        spread = 1.4826 * float(np.median(np.abs(left[rows])))
+        rows = np.isfinite(left) & (np.abs(left) <= 4.0 * spread)
+    sd = spread * np.sqrt(np.diag(np.linalg.inv(gram)))
+    sure = np.where(np.abs(share) > SURE * sd, share, 0.0)
+    return float(sure[np.argmax(np.abs(sure))])
 
 
 def mean_of_present(vectors: FloatArray) -> FloatArray:

@@ -17,7 +17,11 @@ from schuler.arrays.calibration.result import ArrayCalibration
 from schuler.arrays.calibration.rows import low_passed, mask_saturated
 from schuler.arrays.common_axes import DEVIATIONS, check_axes, require_common_axes
 from schuler.arrays.detection.fault_settings import FaultSettings
-from schuler.arrays.detection.motion_errors import mean_of_present, motion_errors
+from schuler.arrays.detection.motion_errors import (
+    mean_of_present,
+    motion_errors,
+    proportional_errors,
+)
 from schuler.data import ImuArray
 from schuler.data.exportable import Exportable
 from schuler.errors import EstimationError, InputError
@@ -225,4 +229,6 @@ def _ruled_by_motion(array: ImuArray) -> bool:
         return False
     speed = np.linalg.norm(mean_of_present(array.in_body().gyro), axis=1)
     lively = float(np.nanquantile(speed, 0.9))
-    return found.scale > LARGEST_SCALE and found.scale * lively > RULED * found.floor
+    # the spread over all units, and one unit that is out of scale by itself
+    scale = max(found.scale, float(proportional_errors(array).max()))
+    return scale > LARGEST_SCALE and scale * lively > RULED * found.floor

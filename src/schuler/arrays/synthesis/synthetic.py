@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +22,12 @@ from schuler.arrays.redundant import (
 from schuler.arrays.synthesis.array_noise import ArrayNoise
 from schuler.arrays.synthesis.fused_noise import combine_noise_models, white_noise_model
 from schuler.arrays.synthesis.fused_sensor import FusedSensor, fuse_followed, fuse_weighted
+from schuler.arrays.synthesis.rate_from_accelerometers import (
+    BeyondRange,
+    fuse_beyond_range,
+    gyro_range_of,
+    masked_beyond_range,
+)
 from schuler.arrays.synthesis.wavelet_weights import wavelet_covariance
 from schuler.arrays.tracking import OnlineSettings, start_values
 from schuler.data import ImuArray, ImuRecording
@@ -63,6 +69,8 @@ class SyntheticImu(Exportable):
         Of the synthetic IMU, for the filter.
     faults : FaultDetection or None
         What the tests said, if faults were looked for.
+    beyond : BeyondRange or None
+        Where gyros were out of range, and how well accelerometers then told the rate.
     """
 
     imu: ImuRecording
@@ -72,6 +80,7 @@ class SyntheticImu(Exportable):
     weights: str
     noise_model: NoiseModel
     faults: FaultDetection | None = None
+    beyond: BeyondRange | None = None
 
     def sensor(self, kind: Sensor) -> FusedSensor:
         """Return the fused gyros or accelerometers.
@@ -139,6 +148,7 @@ class SyntheticImu(Exportable):
             },
             "noise": {c: self.noise_model.process(c).parameters for c in self.noise_model.channels},
             "faults": None if self.faults is None else self.faults.to_dict(),
+            "beyond_range": None if self.beyond is None else self.beyond.to_dict(),
         }
 
 
@@ -155,6 +165,7 @@ def synthesize(
     static: ImuArray | None = None,
     scales: Sequence[float] = (1.0, 10.0),
     causal: bool = True,
+    gyro_range: float | None = None,
     name: str = "synthetic",
 ) -> SyntheticImu:
     """Return one IMU out of several.
@@ -190,6 +201,10 @@ def synthesize(
         For "wavelet", s.
     causal : bool
         Angular accelerations for the lever arms from the past alone; from both sides otherwise.
+    gyro_range : float, optional
+        Full scale of the gyros, rad/s: beyond it the rate comes from accelerometers at known
+        places, together with the gyros that are in range. Found where values pile up at one end if
+        not given.
     name : str
         Of the recording.
 
@@ -231,6 +246,7 @@ def synthesize(
     if weights == "auto":
         chosen = "ewma" if array.count > 2 else "averaged_volatility"
     detection: FaultDetection | None = None
+    beyond: BeyondRange | None = None
     fused: dict[Sensor, FusedSensor] = {}
     if faults is not None:
         if weights not in ("auto", "ewma") or covariance is not None:
@@ -244,6 +260,9 @@ def synthesize(
         for found in detection.sensors:
             fused[found.sensor] = FusedSensor.from_followed(found.followed)
     else:
+        whole, limit = array, _range(array, gyro_range)
+        if limit is not None:
+            array = masked_beyond_range(array, limit)
         for kind in kinds:
             sensors = redundant_sensors(array, kind)
             tensor = None
@@ -272,7 +291,20 @@ def synthesize(
                 )
             else:
                 fused[kind] = fuse_followed(sensors, chosen, known, how, tensor, arma)
-    return _assembled(array, fused, chosen, noise_models, detection, name)
+            if kind == "gyro" and limit is not None:
+                fused[kind], beyond = fuse_beyond_range(whole, fused[kind], limit, how)
+    done = _assembled(array, fused, chosen, noise_models, detection, name)
+    return replace(done, beyond=beyond)
+
+
+def _range(array: ImuArray, given: float | None) -> float | None:
+    """Full scale of the gyros where they exceed it and accelerometers can tell the rate."""
+    if given is None:
+        tells = array.count >= 4 and np.ptp(array.mounting.position, axis=0).max() > 0.0
+        if not tells or not {"gyro", "accel"} <= set(kinds_recorded(array)):
+            return None
+        return gyro_range_of(redundant_sensors(array, "gyro"))
+    return given
 
 
 def _joined(covariance: FloatArray, sensors: RedundantSensors) -> FloatArray:

@@ -30,13 +30,17 @@ class ArrayOptions:
         ROLL,PITCH,YAW[,X,Y,Z] of an IMU, in the order of the array: deg that turn the axes of the
         body into those of the IMU, and its place on the body in m. Given once for each IMU; all
         are aligned with the body if left out.
-    calibration : Path, optional
-        Calibration of the array as YAML, from `schuler calibrate`; takes the place of --mount.
     mechanization : str
         single, synthetic, extended, constrained or system; all compares them.
     parity : bool
         Whether the extended filter learns the bias of every sensor from the differences between
         them.
+    faults : bool
+        Whether faults of sensors are looked for, and sensors not used while they are faulty;
+        --without-faults switches that off.
+    weights : str
+        auto, constant, averaged_volatility, ewma or garch: how sensors are weighted as their noise
+        changes.
     window : tuple of str
         START:SECONDS without GNSS, seconds after the first epoch, which then judges the
         mechanizations there. May be repeated.
@@ -44,9 +48,10 @@ class ArrayOptions:
 
     array: Annotated[tuple[Path, ...], Parameter(negative=())] = ()
     mount: Annotated[tuple[str, ...], Parameter(negative=())] = ()
-    calibration: Path | None = None
     mechanization: str = "extended"
     parity: bool = True
+    faults: Annotated[bool, Parameter(negative="--without-faults")] = True
+    weights: str = "auto"
     window: Annotated[tuple[str, ...], Parameter(negative=())] = ()
 
     def files(self, imu: Path | None) -> tuple[Path, ...]:
@@ -56,11 +61,7 @@ class ArrayOptions:
                 "no IMU" if imu is None else "--imu and --array together",
                 expected="--imu FILE, or --array FILE (may be repeated)",
             )
-        if imu is None:
-            return (*self.array, *((self.calibration,) if self.calibration else ()))
-        if self.calibration is not None:
-            raise InputError("--calibration without --array", expected="both")
-        return (imu,)
+        return self.array if imu is None else (imu,)
 
     def mounting(self, count: int) -> Mounting | None:
         """Return the mounting of all IMUs, None where nothing was said."""

@@ -163,6 +163,8 @@ class AnyReading:
         file's.
     velocity_sd : float, optional
         Standard deviation of velocities in m/s, in place of the file's.
+    calibration : Path, optional
+        Calibration of the IMU as YAML, from `schuler calibrate`; applied to what is read.
     profile : Path, optional
         What was said about such files once, from `schuler read --save-profile`.
     repair : bool
@@ -191,11 +193,18 @@ class AnyReading:
     origin: str | None = None
     position_sd: float | None = None
     velocity_sd: float | None = None
+    calibration: Path | None = None
     profile: Path | None = None
     repair: bool = False
 
+    def inputs(self, file: Path) -> tuple[Path, ...]:
+        """Return all files that are read."""
+        return (file,) if self.calibration is None else (file, self.calibration)
+
     def options(self, kind: Literal["imu", "gnss"]) -> dict[str, Any]:
-        """Return the arguments of `read_imu` or `read_gnss`."""
+        """Return the arguments of `read_imu` or `read_gnss`, the calibration apart."""
+        if kind == "gnss" and self.calibration is not None:
+            raise InputError("--calibration with a GNSS recording", expected="an IMU recording")
         shared = _given(
             columns=columns_of(self.column, self.columns),
             rate=self.rate,
@@ -304,6 +313,9 @@ class DriveReading:
         Topic of the GNSS in a ROS bag with several.
     gnss_clock : str, optional
         Time stamps of a ROS bag: of the headers, or of the recording.
+    calibration : Path, optional
+        Calibration of the IMU, or of the array, as YAML, from `schuler calibrate`; that of an array
+        takes the place of --mount.
     profile : Path, optional
         What was said about such files once, from `schuler read --save-profile`.
     repair : bool
@@ -348,6 +360,7 @@ class DriveReading:
     gnss_no_header: bool = False
     gnss_topic: str | None = None
     gnss_clock: Literal["header", "bag"] | None = None
+    calibration: Path | None = None
     profile: Path | None = None
     repair: bool = False
     flip: Annotated[tuple[str, ...], Parameter(negative=())] = ()

@@ -40,6 +40,7 @@ def characterize(
     model: str = "auto",
     rest: bool = False,
     memory: float | None = None,
+    calibration: Path | None = None,
     reading: ImuReading = ImuReading(),
 ) -> int:
     """Find the noise model of an IMU from a log of it lying still.
@@ -71,22 +72,24 @@ def characterize(
     memory : float, optional
         Megabytes for the recording; a larger one (Parquet, or a folder of files that follow each
         other) is read in pieces, once. A third of this machine's if not given.
+    calibration : Path, optional
+        Calibration of the IMU as YAML, from `schuler calibrate`.
     """
     from schuler.cli.methods import chosen_methods, methods_result
     from schuler.estimation.parts import checked_model
 
-    job = Job(written, files.noise_out, files.kalibr, inputs=(file,))
+    job = Job(written, files.noise_out, files.kalibr, inputs=(file, calibration))
     methods = chosen_methods(method, needs_model=files.wanted)
     model = str(checked_model(model))
     if too_large(file, memory):
-        if methods or rest or repair:
+        if methods or rest or repair or calibration is not None:
             raise InputError(
                 f"{file.name} is larger than memory, and is read in pieces",
-                expected="the usual method, without --method, --rest or --repair",
+                expected="the usual method, without --method, --rest, --repair or --calibration",
                 cure="--memory MEGABYTES allows more, or take a part of it",
             )
         return job.finish(_in_pieces(file, files, model, reading))
-    recording = load_imu(file, reading.options(repair=repair))
+    recording = load_imu(file, reading.options(repair=repair), calibration=calibration)
     with working("Screening"):
         recording, screening = screened(recording, repair=repair, rest=rest)
     watch = sum(f.severity != "info" for f in screening.findings) if strict and not repair else 0

@@ -12,6 +12,7 @@ from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.outputs import Outputs
+    from schuler.data import GnssRecording, ImuRecording
 
 _TRACK = {"time_s", "latitude_deg", "longitude_deg", "height_m", "roll_deg"}
 
@@ -49,7 +50,7 @@ def convert(
     from schuler.cli.console import Screen
     from schuler.cli.outputs import Outputs
 
-    outputs = Outputs(target, inputs=(source,))
+    outputs = Outputs(target, inputs=reading.inputs(source))
     if source.suffix.lower() in {".yaml", ".yml"}:
         _noise(outputs, source, target, to, reading.rate, topic)
     else:
@@ -141,8 +142,12 @@ def _recording(
     holds = format_of(file).holds
     chosen = kind or ("imu" if "imu" in holds else "gnss")
     options = reading.options(chosen)
+    recording: ImuRecording | GnssRecording
     try:
-        recording = (load_imu if chosen == "imu" else load_gnss)(source, options)
+        if chosen == "imu":
+            recording = load_imu(source, options, calibration=reading.calibration)
+        else:
+            recording = load_gnss(source, options)
     except InputError:
         if kind is not None or not {"imu", "gnss"} <= set(holds):
             raise
@@ -150,7 +155,7 @@ def _recording(
         try:
             recording = load_gnss(source, reading.options(chosen))
         except InputError:
-            recording = load_imu(source, options)
+            recording = load_imu(source, options, calibration=reading.calibration)
     write = form.write_recording
     assert write is not None
     outputs.file(target, lambda path: write(path, recording))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -42,6 +43,9 @@ class FusionOptions:
         Memory of the noise of each sensor, s.
     learning : float
         Seconds at the beginning from which start values are taken.
+    gyro_range : float, optional
+        Full scale of the gyros, deg/s: beyond it the rate comes from the accelerometers of four or
+        more IMUs at known places. Found where values pile up at one end if left out.
     clocks : {"auto", "shared", "own"}
         Whether the files share a clock; "own": offset and rate of each are found.
     """
@@ -51,6 +55,7 @@ class FusionOptions:
     without_faults: bool = False
     time_constant: float = 2.0
     learning: float = 10.0
+    gyro_range: float | None = None
     clocks: Clocks = "auto"
 
 
@@ -93,6 +98,7 @@ def fuse(
             options.weights,
             settings=how,
             faults=FaultSettings(online=how) if options.without_faults else None,
+            gyro_range=None if options.gyro_range is None else radians(options.gyro_range),
         )
     return job.finish(
         Result(
@@ -133,5 +139,13 @@ def show_synthetic(screen: Screen, array: ImuArray, done: SyntheticImu) -> None:
         gain = f"{percent(fused.reduction)} less noise than the mean of the sensors"
         rows.append(("", gain, "", ""))
     screen.table(("sensor", "IMU", "noise x y z (deg/s, m/s²)", "weight"), rows, words=3)
+    if done.beyond is not None:
+        degree, b = scale("deg/s", "angular rate"), done.beyond
+        bound = " ".join(number(float(v) / degree) for v in b.bound)
+        screen.line(
+            f"{b.samples} samples beyond {number(b.gyro_range / degree)} deg/s: in {b.found} of "
+            "them the rate is that of accelerometers and gyros in range together (Cramér-Rao bound "
+            f"x y z: {bound} deg/s)"
+        )
     if done.faults is not None:
         show_records(screen, done.faults.records)

@@ -73,7 +73,8 @@ def navigate(
 
     files = several.files(run.imu)
     sensors.check()
-    job = Job(written, answer.out, inputs=(*files, run.gnss, run.noise, *sensors.files))
+    inputs = (*files, reading.calibration, run.gnss, run.noise, *sensors.files)
+    job = Job(written, answer.out, inputs=inputs)
     if answer.out is not None:
         check_trajectory_name(answer.out)
     if run.imu is not None:
@@ -140,6 +141,8 @@ def _array(
             model,
             mechanization=several.mechanization,  # type: ignore[arg-type]
             parity=several.parity,
+            faults=several.faults,
+            weights=several.weights,  # type: ignore[arg-type]
             outages=windows,
             smooth=answer.smooth if answer.lag is None else "fixed-lag",
             lag=answer.lag or 0.0,

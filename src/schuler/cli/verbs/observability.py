@@ -35,7 +35,7 @@ def observability(
 
     """
     files = several.files(run.imu)
-    job = Job(written, inputs=(*files, run.gnss, run.noise))
+    job = Job(written, inputs=(*files, reading.calibration, run.gnss, run.noise))
     found = _observed(run, several, known, reading)
     return job.finish(
         Result(

@@ -45,7 +45,7 @@ def outages(
     from schuler.evaluation.outages import evaluate_outages
 
     sensors.check()
-    inputs = (drive.imu, drive.gnss, drive.noise, told.static, *sensors.files)
+    inputs = (drive.imu, drive.gnss, drive.noise, reading.calibration, told.static, *sensors.files)
     job = Job(written, inputs=inputs)
     which, keywords, models = lost.keywords(), known.keywords(), told.names
     if lost.lag is not None and models:

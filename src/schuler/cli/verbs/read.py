@@ -47,7 +47,7 @@ def read(
     from schuler.io.registry import format_of
 
     how = reading
-    outputs = Outputs(json, inputs=(file,))
+    outputs = Outputs(json, inputs=reading.inputs(file))
     place = file_in_folder(file, kind or "imu") if file.is_dir() else file
     form = format_of(place)
     chosen, recording = _read(file, form.holds, kind, how)
@@ -78,7 +78,7 @@ def _read(
     if kind == "gnss" or (kind is None and "imu" not in holds):
         return "gnss", load_gnss(file, how.options("gnss"))
     try:
-        return "imu", load_imu(file, how.options("imu"))
+        return "imu", load_imu(file, how.options("imu"), calibration=how.calibration)
     except InputError as error:
         if kind is not None or "gnss" not in holds:
             raise

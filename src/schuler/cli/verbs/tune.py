@@ -49,7 +49,7 @@ def tune(
     from schuler.navigation.tuning.inflation import tune_noise
     from schuler.noise import NoiseModel
 
-    job = Job(written, noise_out, inputs=(imu, gnss, noise))
+    job = Job(written, noise_out, inputs=(imu, gnss, noise, reading.calibration))
     keywords = known.keywords()
     keywords.pop("tune_noise")
     recording, fixes = load_drive(imu, gnss, reading)

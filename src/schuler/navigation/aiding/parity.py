@@ -27,6 +27,7 @@ from schuler.navigation.mechanizations.array_model import (
     without_idle_states,
 )
 from schuler.navigation.mechanizations.array_recording import arm_forces
+from schuler.navigation.mechanizations.sensor_table import SensorTable
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -39,9 +40,9 @@ class Parity:
     ----------
     array : ImuArray
         Complete.
-    fusion : Fusion
-        With which the filter is fed; it has to be the least-squares one, as then the noise of the
-        parity and that of the fused measurement are not correlated.
+    table : SensorTable
+        With which the filter is fed; least squares in every row, as then the noise of the parity
+        and that of the fused measurement are not correlated.
     models : sequence of SensorErrorModel
         One for each IMU, in its own axes, in the order of `extended_model`.
     states : int
@@ -51,38 +52,60 @@ class Parity:
     """
 
     array: ImuArray
-    fusion: Fusion
+    table: SensorTable
     models: Sequence[SensorErrorModel]
     states: int
     interval: float = 1.0
 
     def rows(self) -> AidingSchedule:
         """Return the measurements: 3 (k - 1) of the accelerometers, as many of the gyros."""
-        ends = interval_ends(self.array.time, self.interval)
+        time = self.array.time
+        ends = interval_ends(time, self.interval)
+        # the axes are the same over an interval; noise may change in it
+        ends = np.union1d(ends, np.searchsorted(time, self.table.set_changes - 1e-9) - 1)
+        ends = ends[ends >= 0]
+        row = self.table.row_at(time[ends[1:]])
         parts = []
         for kind, values in ((0, self.array.accel), (1, self.array.gyro)):
-            white = np.concatenate([m.white_density[3 * kind : 3 * kind + 3] for m in self.models])
-            if not np.all(white > 0.0):
-                raise InputError(
-                    "a parity update with sensors without white noise",
-                    expected="a noise model with white noise on every axis",
-                )
-            parity = parity_matrix(self.fusion.axes, white)
             seen = values.reshape(self.array.size, -1)
             if kind == 0:
-                seen = seen - arm_forces(self.array, self.fusion)
+                seen = seen - arm_forces(self.array, self.table)
             total = np.concatenate([np.zeros((1, seen.shape[1])), np.cumsum(seen, axis=0)])
             mean = (total[ends[1:] + 1] - total[ends[:-1] + 1]) / np.diff(ends)[:, None]
-            span = float(np.median(np.diff(self.array.time[ends])))
-            parts.append(
-                linear_measurements(
-                    self.array.time[ends[1:]],
-                    mean @ parity.T,
-                    parity @ axis_rows(self.models, kind, self.states),
-                    (parity * white**2) @ parity.T / span,
-                )
+            shown = axis_rows(self.models, kind, self.states)
+            span = np.diff(time[ends])
+            for number in np.unique(row):
+                for mine in _alike(np.flatnonzero(row == number), span):
+                    measured = self.measured(kind, int(number), mean[mine], shown)
+                    if measured is not None:
+                        z, matrix, noise = measured
+                        length = float(np.median(span[mine]))
+                        parts.append(
+                            linear_measurements(time[ends[1:]][mine], z, matrix, noise / length)
+                        )
+        return merge_schedules(parts, float(time[0]), float(time[-1]))
+
+    def measured(
+        self, kind: int, row: int, mean: FloatArray, shown: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Values, rows on the states and noise density of the parity of the axes in use."""
+        variance = self.table.variance[row, kind]
+        used = np.isfinite(variance)
+        if not np.all(variance[used] > 0.0):
+            raise InputError(
+                "a parity update with sensors without white noise",
+                expected="a noise model with white noise on every axis",
             )
-        return merge_schedules(parts, float(self.array.time[0]), float(self.array.time[-1]))
+        parity = parity_matrix(self.table.fusions[0].axes[used], np.sqrt(variance[used]))
+        if not len(parity):
+            return None
+        return mean[:, used] @ parity.T, parity @ shown[used], (parity * variance[used]) @ parity.T
+
+
+def _alike(rows: NDArray[np.int64], span: FloatArray) -> list[NDArray[np.int64]]:
+    """Intervals that are whole, and each of those that a change of the axes has cut."""
+    whole = span[rows] > 0.9 * float(np.median(span))
+    return [part for part in (rows[whole], *rows[~whole][:, None]) if part.size]
 
 
 def axis_rows(models: Sequence[SensorErrorModel], kind: int, states: int) -> FloatArray:

@@ -50,24 +50,32 @@ class Fusion:
         return self.accel if channel < 3 else self.gyro
 
 
+def white_variances(models: Sequence[SensorErrorModel]) -> FloatArray:
+    """Squared densities of all sensor axes, (2, 3 k): accelerometers, gyros."""
+    white = np.stack([m.white_density for m in models]) ** 2
+    return np.stack([white[:, :3].ravel(), white[:, 3:].ravel()])
+
+
+def left_inverse(axes: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return pi = (A' P A)^-1 A' P of the axes with finite variance; columns of others are zero."""
+    used = np.isfinite(variance)
+    # sensors without any white noise count alike
+    weighed = variance[used] if np.all(variance[used] > 0.0) else np.ones(int(used.sum()))
+    pi = np.zeros((3, variance.size))
+    pi[:, used] = least_squares(axes[used], weighed).pi
+    return pi
+
+
 def fusion_of(mounting: Mounting, models: Sequence[SensorErrorModel]) -> Fusion:
     """Return pi = (A' P A)^-1 A' P with the inverse of the white noise as weight P."""
     axes = np.concatenate([c.T for c in mounting.rotation])
-    white = np.stack([m.white_density for m in models])
-
-    def left_inverse(density: FloatArray) -> FloatArray:
-        scale = density.ravel()
-        # sensors without any white noise count alike
-        if not np.all(scale > 0.0):
-            scale = np.ones(scale.size)
-        return least_squares(axes, scale**2).pi
-
-    accel = left_inverse(white[:, :3])
+    variance = white_variances(models)
+    accel = left_inverse(axes, variance[0])
     share = np.array(
         [np.trace(accel[:, 3 * i : 3 * i + 3] @ axes[3 * i : 3 * i + 3]) / 3.0
          for i in range(mounting.count)]
     )  # fmt: skip
-    return Fusion(accel, left_inverse(white[:, 3:]), axes, share @ mounting.position)
+    return Fusion(accel, left_inverse(axes, variance[1]), axes, share @ mounting.position)
 
 
 def extended_model(
@@ -221,13 +229,19 @@ def _state_kinds(model: SensorErrorModel) -> list[str]:
     return kinds
 
 
+def fused_white(fusion: Fusion, variance: FloatArray) -> FloatArray:
+    """Covariance densities of the fused accelerometers and gyros, pi C pi', (2, 3, 3)."""
+    finite = np.where(np.isfinite(variance), variance, 0.0)
+    return np.stack(
+        [(pi * own) @ pi.T for pi, own in zip((fusion.accel, fusion.gyro), finite, strict=True)]
+    )
+
+
 def _with_white(
     model: SensorErrorModel, models: Sequence[SensorErrorModel], fusion: Fusion
 ) -> SensorErrorModel:
-    white = np.stack([m.white_density for m in models])
     density, correlation = np.zeros(6), np.tile(np.eye(3), (2, 1, 1))
-    for part, pi in enumerate((fusion.accel, fusion.gyro)):
-        covariance = (pi * white[:, 3 * part : 3 * part + 3].ravel() ** 2) @ pi.T
+    for part, covariance in enumerate(fused_white(fusion, white_variances(models))):
         sd = np.sqrt(np.diag(covariance))
         density[3 * part : 3 * part + 3] = sd
         if np.all(sd > 0.0):

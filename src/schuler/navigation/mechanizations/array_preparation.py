@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from schuler.arrays.common_axes import require_common_axes
 from schuler.arrays.synthesis.fused_noise import combine_noise_models
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.array import ImuArray
@@ -20,25 +21,43 @@ from schuler.navigation.error_models.sensor_error_model import (
     sensor_error_model,
 )
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.mechanizations.array_faults import (
+    ArrayFaults,
+    find_array_faults,
+    without_faults,
+)
 from schuler.navigation.mechanizations.array_model import (
     Fusion,
     extended_model,
     fused_model,
-    fusion_of,
     noise_models_of,
     sensor_directions,
     without_idle_states,
 )
-from schuler.navigation.mechanizations.array_recording import complete_array, fused_recording
+from schuler.navigation.mechanizations.array_recording import (
+    bias_jumps,
+    complete_array,
+    filled_array,
+    fused_recording,
+)
+from schuler.navigation.mechanizations.array_weights import (
+    FilterWeights,
+    chosen_weights,
+    followed_variances,
+)
+from schuler.navigation.mechanizations.sensor_table import Absence, SensorTable, sensor_table
 from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import RunSetup, SensorStart
-from schuler.navigation.settings import NavigationSettings, Progress
+from schuler.navigation.settings import NavigationSettings, Progress, nobody_listens
 from schuler.noise.noise_model import NoiseModel
-from schuler.types import FloatArray
+from schuler.types import BoolArray, FloatArray
 
 EARTH_RATE = 7.3e-5
 """The earth's rate about an unknown north stays in the mean of gyros at rest, rad/s."""
+NOTHING_KNOWN = 1e3
+"""Standard deviation of what a gyro shows that is out, rad/s."""
+NOT_JUDGED = ArrayFaults()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,8 +70,8 @@ class PreparedArray:
         Complete, cut to where it can be used.
     recording : ImuRecording
         The fused IMU, same stamps.
-    fusion : Fusion
-        How the sensors are added up.
+    table : SensorTable
+        Who counts how much, when.
     models : tuple of SensorErrorModel
         One for each IMU, in its own axes, as the noise models say.
     noise_models : tuple of NoiseModel
@@ -63,16 +82,28 @@ class PreparedArray:
         What the user said; the body takes the place of the IMU.
     notes : tuple of str
         What was done to the array, in words.
+    faults : ArrayFaults
+        Who was taken out, when and why.
     """
 
     array: ImuArray
     recording: ImuRecording
-    fusion: Fusion
+    table: SensorTable
     models: tuple[SensorErrorModel, ...]
     noise_models: tuple[NoiseModel, ...]
     setup: RunSetup
     settings: NavigationSettings
     notes: tuple[str, ...] = ()
+    faults: ArrayFaults = NOT_JUDGED
+
+    @property
+    def fusion(self) -> Fusion:
+        """How the sensors are added up at first."""
+        return self.table.fusions[0]
+
+    def filled(self) -> PreparedArray:
+        """With IMUs of which a sensor is out filled by the others, where each IMU has a filter."""
+        return replace(self, array=filled_array(self.array, self.table))
 
     @property
     def lever_arm(self) -> FloatArray:
@@ -87,10 +118,23 @@ class PreparedArray:
 
     def sensor_start(self, *, each: bool = True) -> SensorStart:
         """Return what is known of all sensor states at the first sample."""
-        return sensor_start(self.array, self.models, self.fusion, self.setup.alignment, each=each)
+        rest = self.setup.alignment.rest
+        out = None
+        if rest is not None:
+            held = self.table.row_at(np.array(rest))
+            out = np.asarray(self.table.out[held[0] : held[1] + 1, 1].any(axis=0))
+        return sensor_start(
+            self.array, self.models, self.fusion, self.setup.alignment, each=each, out=out
+        )
 
     def synthetic_setup(self) -> RunSetup:
-        """Return the setup of the filter that knows what is left of the sensors when fused."""
+        """Return the setup of the filter that knows what is left of the sensors when fused.
+
+        What is left changes with the table, by differences that only parity shows: the filter
+        then is the extended one.
+        """
+        if not self.table.constant:
+            return self.extended_setup(parity=True)
         base, merge = fused_model(self.models, self.fusion)
         start = merged_start(self.sensor_start(each=False), merge)
         return replace(self.setup, sensor_start=start).with_sensors(base)
@@ -100,9 +144,11 @@ class PreparedArray:
         base = extended_model(self.models, self.fusion, self.array.names)
         start = self.sensor_start(each=parity)
         own = replace(self.setup, sensor_start=start).with_sensors(base)
+        if not self.table.constant:
+            own = replace(own, stretches=self.table.stretches(self.models, own.factors))
         if not parity:
             return own
-        source = Parity(self.array, self.fusion, self.models, own.model.size)
+        source = Parity(self.array, self.table, self.models, own.model.size)
         return replace(own, sources=(*own.sources, source))
 
 
@@ -112,9 +158,48 @@ def prepare_array(
     noise_models: NoiseModel | Sequence[NoiseModel] | None,
     settings: NavigationSettings,
     progress: Progress | None = None,
+    *,
+    faults: bool | ArrayFaults = True,
+    weights: FilterWeights = "constant",
 ) -> PreparedArray:
-    """Align, find time offsets and noise of the fused IMU."""
-    whole, notes = complete_array(array)
+    """Look for faults of an array, align it, find time offsets and noise of the fused IMU.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Two IMUs or more, missing values as NaN.
+    gnss : GnssRecording
+        As for `navigate`.
+    noise_models : NoiseModel, sequence of NoiseModel, or None
+        As for `navigate_array`.
+    settings : NavigationSettings
+        What the user says.
+    progress : callable, optional
+        Called with a line of text now and then.
+    faults : bool or ArrayFaults
+        Whether faults of sensors are looked for; or which are known.
+    weights : str
+        As for `navigate_array`.
+
+    Returns
+    -------
+    PreparedArray
+        For `ArrayFilter`; `navigate_array` makes one by itself.
+
+    Raises
+    ------
+    InputError
+        As `navigate_array`.
+    NavigationError
+        As `navigate`.
+
+    Examples
+    --------
+    See `ArrayFilter`.
+    """
+    say = progress or nobody_listens
+    complete = complete_array(array)
+    whole, notes = complete.array, complete.notes
     tuned = noise_models is None if settings.tune_noise is None else settings.tune_noise
     given = generic_noise_model() if noise_models is None else noise_models
     if not isinstance(given, NoiseModel) and len(given) == array.count != whole.count:
@@ -129,19 +214,46 @@ def prepare_array(
         )
         for n in noises
     )
-    fusion = fusion_of(whole.mounting, models)
+    found = faults if isinstance(faults, ArrayFaults) else NOT_JUDGED
+    if faults is True:
+        say("looking for faults of sensors")
+        found = find_array_faults(whole, models)
+        notes = (*notes, *found.notes)
+    silent = tuple((whole.names[i], start, stop) for i, start, stop in complete.silences)
+    found = replace(found, silent=silent)
+    require_common_axes(without_faults(whole, found.absences))
+    silences = [
+        Absence(kind, (3 * i, 3 * i + 1, 3 * i + 2), start, stop)
+        for i, start, stop in complete.silences
+        for kind in (0, 1)
+    ]
+    absences = (*silences, *found.absences)
+    chosen, noise = chosen_weights(weights, whole.count, noise_only=found.noise_only), None
+    if chosen != "constant":
+        seen = without_faults(whole, absences)
+        noise = followed_variances(seen, models, chosen, relative=tuned)
+    table = sensor_table(whole.time, whole.mounting, models, absences, noise)
+    fusion, jumps = table.fusions[0], bias_jumps(whole, table)
     prepared = prepare_drive(
-        fused_recording(whole, fusion),
+        _shifted(fused_recording(whole, table), table, -jumps),
         gnss,
         combine_noise_models(noises, {"gyro": fusion.gyro, "accel": fusion.accel}),
         replace(settings, lever_arm=settings.arm - fusion.centre, tune_noise=tuned),
         progress,
     )
-    recording, setup = prepared.imu, prepared.setup
+    recording, setup = _shifted(prepared.imu, table, jumps), prepared.setup
     if recording.size != whole.size:
         after = np.nextafter(recording.time[-1], np.inf)
         whole = whole.between(float(recording.time[0]), float(after))
-    return PreparedArray(whole, recording, fusion, models, noises, setup, settings, notes)
+    return PreparedArray(whole, recording, table, models, noises, setup, settings, notes, found)
+
+
+def _shifted(recording: ImuRecording, table: SensorTable, shift: FloatArray) -> ImuRecording:
+    """Add something to every row of the table, (b, 6), accelerometers first."""
+    if not shift.any():
+        return recording
+    own = shift[table.row_at(recording.time)]
+    return replace(recording, gyro=recording.gyro + own[:, 3:], accel=recording.accel + own[:, :3])
 
 
 def sensor_start(
@@ -151,11 +263,13 @@ def sensor_start(
     alignment: Alignment,
     *,
     each: bool = True,
+    out: BoolArray | None = None,
 ) -> SensorStart:
     """Tell the biases of all gyros from the alignment.
 
-    At rest each gyro shows its own, the turn of the earth apart, which is common to all. In motion
-    the alignment found that of the fused gyro; each gets its share of it by the prior.
+    At rest each gyro shows its own, the turn of the earth apart, which is common to all; those that
+    are `out` (3 k,) then show nothing. In motion the alignment found that of the fused gyro; each
+    gets its share of it by the prior.
     """
     extended = extended_model(models, fusion, array.names)
     covariance = extended.initial_covariance
@@ -168,6 +282,8 @@ def sensor_start(
         return _conditioned(covariance, covariance @ shown.T, shown @ covariance @ shown.T + spread,
                             alignment.gyro_bias)  # fmt: skip
     mean, variance, length = _at_rest(array, alignment.rest)
+    if out is not None:
+        variance[out] = NOTHING_KNOWN**2
     shared, own = rest_covariances(models, length)
     whole = own + np.diag(variance) + EARTH_RATE**2 * fusion.axes @ fusion.axes.T
     if each:

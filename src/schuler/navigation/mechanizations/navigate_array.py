@@ -19,6 +19,7 @@ from schuler.navigation.aiding.options import CLAIMED
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
 from schuler.navigation.mechanizations.array_solution import solution_at_lever_arm
+from schuler.navigation.mechanizations.array_weights import FilterWeights, check_weights
 from schuler.navigation.mechanizations.constrained import run_constrained
 from schuler.navigation.mechanizations.single_imu import single_setup
 from schuler.navigation.mechanizations.stacked import RigidBody, StackedRun
@@ -81,6 +82,8 @@ def navigate_array(
     parity: bool = True,
     imu: int = 0,
     rigid: RigidBody | None = None,
+    faults: bool = True,
+    weights: FilterWeights = "auto",
     outages: Sequence[tuple[float, float]] = (),
     smooth: bool | Literal["fixed-lag"] = False,
     lag: float = 5.0,
@@ -107,6 +110,14 @@ def navigate_array(
         Which one is used by "single".
     rigid : RigidBody or None
         How rigid the body is, for "constrained".
+    faults : bool
+        Whether sensors that contradict the others are taken out, from the onset of the fault until
+        they behave again; "single" takes its IMU as it is.
+    weights : {"auto", "constant", "averaged_volatility", "ewma", "garch"}
+        How sensors are weighted and believed in the "extended" filter, and in the "synthetic" one
+        where it is asked for: by the noise models; by one variance for all that follows the noise;
+        by a variance for every axis that does. "auto" follows every axis where healthy sensors
+        differ by noise alone (all together with two IMUs), and keeps the noise models otherwise.
     outages, smooth, lag, progress, **options
         As for `navigate`; the body takes the place of the IMU, and its origin that of the lever
         arm. The "constrained" filter is causal and uses GNSS alone.
@@ -127,8 +138,17 @@ def navigate_array(
     check_smoothing(smooth)
     settings = navigation_settings(navigate_array, options)
     check_mechanization(mechanization, settings, smooth=bool(smooth))
+    weights = weights_for(mechanization, weights)
     used = withhold(gnss, outages) if outages else gnss
-    prepared = prepare_array(array, used, noise_models, settings, progress)
+    prepared = prepare_array(
+        array,
+        used,
+        noise_models,
+        settings,
+        progress,
+        faults=faults and mechanization != "single",
+        weights=weights,
+    )
     if progress is not None:
         progress(f"filtering, {mechanization}")
     result = run_mechanization(
@@ -171,6 +191,22 @@ def check_mechanization(name: str, settings: NavigationSettings, *, smooth: bool
             )
 
 
+def weights_for(mechanization: Mechanization, weights: FilterWeights) -> FilterWeights:
+    """Weights that a mechanization can use; raise for those that it cannot."""
+    check_weights(weights)
+    if mechanization == "extended":
+        return weights
+    if weights in ("auto", "constant"):
+        return "constant"
+    if mechanization != "synthetic":
+        raise InputError(
+            f"weights '{weights}' (--weights) with the {mechanization} mechanization",
+            expected="the extended or the synthetic one, which weigh sensors",
+            cure="take --mechanization extended",
+        )
+    return weights
+
+
 def run_mechanization(
     prepared: PreparedArray,
     gnss: GnssRecording,
@@ -186,16 +222,16 @@ def run_mechanization(
     check_mechanization(mechanization, prepared.settings, smooth=smooth or lag is not None)
     told = _settings(prepared, mechanization)
     if mechanization == "system":
-        system = run_system(prepared, gnss, smooth=smooth, lag=lag)
-        system.solution.settings.update(told)
+        system = run_system(prepared.filled(), gnss, smooth=smooth, lag=lag)
+        _tell(system.solution, prepared, told)
         return ArrayNavigation(
             mechanization, system.solution, prepared, system.states, system.cpu_seconds,
             vote=system.vote,
         )  # fmt: skip
     begin = time.thread_time()
     if mechanization == "constrained":
-        solution, stack = run_constrained(prepared, gnss, rigid)
-        solution.settings.update(told)
+        solution, stack = run_constrained(prepared.filled(), gnss, rigid)
+        _tell(solution, prepared, told)
         return ArrayNavigation(
             mechanization, solution, prepared, len(stack.covariance), time.thread_time() - begin,
             stack=stack,
@@ -212,9 +248,20 @@ def run_mechanization(
         told["parity_update"] = parity
     done = run(recording, gnss, own, smooth=smooth, lag=lag)
     solution = solution_at_lever_arm(done.smoothed or done.lagged or done.causal, -place)
-    solution.settings.update(told)
+    _tell(solution, prepared, told)
     states, cpu = 9 + own.model.size, time.thread_time() - begin
     return ArrayNavigation(mechanization, solution, prepared, states, cpu, own.model)
+
+
+def _tell(solution: NavigationSolution, prepared: PreparedArray, told: dict[str, Any]) -> None:
+    """Write into a solution what was done with the array."""
+    solution.settings.update(told)
+    end = float(solution.trajectory.time[-1])
+    solution.settings["sensor_faults"] = prepared.faults.to_dict()
+    solution.settings["findings"] = [
+        *(f.to_dict() for f in prepared.faults.findings(end)),
+        *solution.settings["findings"],
+    ]
 
 
 def _settings(prepared: PreparedArray, mechanization: Mechanization) -> dict[str, Any]:

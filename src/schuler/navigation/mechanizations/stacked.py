@@ -309,12 +309,17 @@ def _schedule(prepared: PreparedArray, gnss: GnssRecording, interval: float) -> 
 
 
 def _white_scale(prepared: PreparedArray) -> FloatArray:
-    scale = prepared.setup.white_scale(prepared.recording)
-    if scale is None:
+    """Noise by vibration, and as many times as there are more IMUs than bring news of their own."""
+    scale, table = prepared.setup.white_scale(prepared.recording), prepared.table
+    out = table.units_out
+    if scale is None and not out.any():
         return np.empty((0, 6))
+    if scale is None:
+        scale = np.ones((prepared.array.size, 6))
     # axes of the IMUs need not be those of the body: one level for each kind of sensor
     mean = np.stack([scale[:, :3].mean(axis=1), scale[:, 3:].mean(axis=1)], axis=1)
-    return np.ascontiguousarray(np.repeat(mean, 3, axis=1))
+    more = out.shape[1] / (~out).sum(axis=1)[table.row_at(prepared.array.time)]
+    return np.ascontiguousarray(np.repeat(mean * more[:, None], 3, axis=1))
 
 
 def _wide(matrix: FloatArray, columns: int) -> FloatArray:

@@ -24,7 +24,7 @@ from schuler.navigation.error_models.sensor_states import FILTER_CHANNELS, Senso
 from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.preparation.gaps import SOUND, DriveCondition
 from schuler.navigation.settings import NavigationSettings
-from schuler.navigation.stepping import NO_VEHICLE, InitialState, VehicleStates
+from schuler.navigation.stepping import NO_VEHICLE, InitialState, SensorStretches, VehicleStates
 from schuler.navigation.tuning.vibration import VibrationResponse, vibration_level
 from schuler.types import FloatArray
 
@@ -122,6 +122,8 @@ class RunSetup:
         How GNSS is weighted, and other sensors; their states are among the model's.
     settings : NavigationSettings
         What the user said.
+    stretches : SensorStretches or None
+        Where it changes how the sensors of an array show.
     """
 
     model: SensorErrorModel
@@ -136,6 +138,7 @@ class RunSetup:
     condition: DriveCondition = SOUND
     measurements: MeasurementOptions = PLAIN
     settings: NavigationSettings = field(default_factory=NavigationSettings)
+    stretches: SensorStretches | None = None
 
     @property
     def vehicle_states(self) -> VehicleStates:

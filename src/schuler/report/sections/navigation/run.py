@@ -17,6 +17,7 @@ from schuler.report.makers import plot
 from schuler.report.numbers import duration, number
 from schuler.report.sections.navigation.condition import condition_section
 from schuler.report.sections.navigation.filtering import innovation_section, sensor_error_section
+from schuler.report.sections.navigation.sensor_faults import sensor_fault_sections
 from schuler.report.sections.navigation.uncertainty import uncertainty_section
 from schuler.report.sections.registry import register
 from schuler.types import FloatArray
@@ -89,10 +90,17 @@ def run_sections(run: NavigationResults) -> tuple[Section, ...]:
     return (
         _track_section(run, spans),
         *(() if seen is None else (condition_section(seen),)),
+        *_sensors_in_use(filtered),
         uncertainty_section(run.solutions, run.truth, spans),
         innovation_section(filtered, spans),
         *sensor_error_section(filtered, run.smoothed, spans),
     )
+
+
+def _sensors_in_use(solution: NavigationSolution) -> tuple[Section, ...]:
+    """Of an array, who was out when."""
+    told, time = solution.settings.get("sensor_faults"), solution.trajectory.time
+    return () if told is None else sensor_fault_sections(told, float(time[0]), float(time[-1]))
 
 
 def _track_section(run: NavigationResults, spans: tuple[tuple[float, float], ...]) -> Section:

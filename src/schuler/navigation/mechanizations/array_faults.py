@@ -1,0 +1,290 @@
+"""Faults of an array's sensors before a filter eats them: found, dated back, kept out.
+
+Detection looks at the raw samples, before alignment and tuning could take a fault for a bias. It
+notices a fault some time after it began; the filter does without the sensor from the onset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays.detection.fault_log import FaultRecord
+from schuler.arrays.detection.fault_settings import FaultSettings
+from schuler.arrays.detection.faults import SensorFaults, detect_faults
+from schuler.arrays.detection.preparation import prepare_detection
+from schuler.arrays.lever_arms import arm_coefficients, turning_tensor
+from schuler.arrays.synthesis.least_squares import least_squares
+from schuler.data import ImuArray
+from schuler.errors import EstimationError, InputError
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
+from schuler.navigation.mechanizations.sensor_table import Absence
+from schuler.screening.screen import Finding
+from schuler.types import BoolArray, FloatArray
+
+LOOK_BACK = 30.0
+"""Seconds before a fault was noticed in which its onset is looked for."""
+BIAS_MEMORY = 100.0
+"""Seconds over which the differences of biases are followed, if nothing else is said."""
+MARGIN = 0.2
+"""Seconds before the likeliest onset from which a sensor is not used."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorAbsence:
+    """A sensor that the filter did without for a while: who, when, why, until when.
+
+    Parameters
+    ----------
+    record : FaultRecord
+        When it was noticed, by what, and when it was let back in.
+    onset : float
+        From when on it was not used, s.
+    """
+
+    record: FaultRecord
+    onset: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON."""
+        return self.record.to_dict() | {"onset_s": self.onset, "text": self.text}
+
+    @property
+    def text(self) -> str:
+        """One line for people."""
+        return f"{self.record.text}; not used from {self.onset:.2f} s"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArrayFaults:
+    """What was found in an array before it was navigated with.
+
+    Parameters
+    ----------
+    taken_out : tuple of SensorAbsence
+        Faults, in order of time.
+    contradictions : tuple of FaultRecord
+        Sensors that contradicted one another without one that could be blamed.
+    absences : tuple of Absence
+        For the table of the filter.
+    notes : tuple of str
+        What was done, and what could not be judged, in words.
+    judged : bool
+        Whether sensors were judged at all.
+    noise_only : bool
+        Whether healthy sensors differ by noise alone: neither motion nor vibration rules.
+    silent : tuple of (name, start, stop)
+        IMUs that brought nothing for a while, s.
+    """
+
+    taken_out: tuple[SensorAbsence, ...] = ()
+    contradictions: tuple[FaultRecord, ...] = ()
+    absences: tuple[Absence, ...] = ()
+    notes: tuple[str, ...] = ()
+    judged: bool = False
+    noise_only: bool = False
+    silent: tuple[tuple[str, float, float], ...] = ()
+
+    def findings(self, end: float) -> list[Finding]:
+        """Who was out when and why, and who contradicted whom, of a recording that ends then."""
+        found = [
+            Finding(
+                "sensor fault",
+                "warning",
+                absence.text,
+                intervals=((absence.onset, _until(absence.record, end)),),
+                cure="look at this sensor; --without-faults uses it all the same",
+            )
+            for absence in self.taken_out
+        ]
+        found += [
+            Finding(
+                "sensor fault",
+                "warning",
+                record.text,
+                intervals=((record.start, _until(record, end)),),
+                cure="with two units, or two suspects alike, nobody can tell which one is right: "
+                "more sensors can",
+            )
+            for record in self.contradictions
+        ]
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain Python for JSON."""
+        return {
+            "judged": self.judged,
+            "taken_out": [a.to_dict() for a in self.taken_out],
+            "contradictions": [r.to_dict() for r in self.contradictions],
+            "silent": [
+                {"name": n, "start_s": a, "stop_s": b, "text": f"{a:.2f} to {b:.2f} s"}
+                for n, a, b in self.silent
+            ],
+            "notes": list(self.notes),
+        }
+
+
+def find_array_faults(array: ImuArray, models: Sequence[SensorErrorModel] = ()) -> ArrayFaults:
+    """Look for faults of the sensors of an array, and for when they began.
+
+    What the `models` say that healthy biases wander is no fault. An array that cannot be judged is
+    navigated with as it is, which is said. Axes that are not what the mounting says raise.
+    """
+    try:
+        ready = prepare_detection(array, settings_for(models))
+        found = detect_faults(ready.array, ready.settings, causal=False)
+    except EstimationError as error:
+        return ArrayFaults(notes=(f"faults of sensors were not looked for: {error}",))
+    except InputError as error:
+        if "not calibrated" not in str(error):
+            raise
+        return ArrayFaults(notes=(f"faults of sensors were not looked for: {error}",))
+    taken_out: list[SensorAbsence] = []
+    contradictions: list[FaultRecord] = []
+    absences: list[Absence] = []
+    turning = _turning(found.gyro)
+    for sensors in found.sensors:
+        for record in sensors.records:
+            if record.kind == "inconsistent":
+                contradictions.append(record)
+            if record.kind not in ("axis", "unit") or not record.taken_out:
+                continue
+            axes = _axes(sensors, record)
+            onset = fault_onset(sensors, axes, record, turning)
+            taken_out.append(SensorAbsence(record, onset))
+            stop = np.inf if record.stop is None else record.stop
+            kind = 0 if sensors.sensor == "accel" else 1
+            absences.append(Absence(kind, _columns(array, sensors, axes), onset, stop))
+    taken_out.sort(key=lambda a: a.record.start)
+    return ArrayFaults(
+        tuple(taken_out),
+        tuple(contradictions),
+        tuple(absences),
+        ready.notes,
+        judged=True,
+        noise_only=ready.array is array,
+    )
+
+
+def settings_for(models: Sequence[SensorErrorModel]) -> FaultSettings:
+    """Return settings by which biases that do as their models say are no faults."""
+    usual = FaultSettings()
+    span = usual.online.bias_time_constant or BIAS_MEMORY
+    wander = np.zeros(2)
+    for model in models:
+        drift, diffusion = model.drift[:, 0], model.diffusion[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            grown = diffusion * -np.expm1(2.0 * drift * span) / (-2.0 * drift)
+        grown = np.where(drift == 0.0, diffusion * span, grown)
+        for channel in range(6):
+            own = float(np.sqrt(grown[model.channel == channel].sum()))
+            wander[channel // 3] = max(wander[channel // 3], own)
+    return replace(
+        usual,
+        accel_wander=max(usual.accel_wander, float(wander[0])),
+        gyro_wander=max(usual.gyro_wander, float(wander[1])),
+    )
+
+
+def _until(record: FaultRecord, end: float) -> float:
+    return end if record.stop is None else min(record.stop, end)
+
+
+def without_faults(array: ImuArray, absences: Sequence[Absence]) -> ImuArray:
+    """Return an array in which the values of sensors that are out are missing."""
+    gyro, accel = array.gyro.copy(), array.accel.copy()
+    for a in absences:
+        first, stop = np.searchsorted(array.time, [a.start, a.stop])
+        # what never counts is left as it is: an array has no IMUs without values
+        if stop - first < array.size:
+            values = (accel, gyro)[a.kind].reshape(array.size, -1)
+            values[first:stop, list(a.axes)] = np.nan
+    return replace(array, gyro=gyro, accel=accel)
+
+
+def _axes(sensors: SensorFaults, record: FaultRecord) -> list[int]:
+    """Columns of the sensors that a record concerns."""
+    of = sensors.followed.sensors
+    if record.kind == "axis":
+        return [of.names.index(record.name)]
+    return np.flatnonzero(of.unit == of.unit_names.index(record.name)).tolist()
+
+
+def _columns(array: ImuArray, sensors: SensorFaults, axes: list[int]) -> tuple[int, ...]:
+    """Places of axes among all axes of the array."""
+    names = [f"{name} {axis}" for name in array.names for axis in "xyz"]
+    return tuple(names.index(sensors.followed.sensors.names[m]) for m in axes)
+
+
+def _turning(gyro: SensorFaults | None) -> FloatArray | None:
+    """What lever arms turn into specific force."""
+    if gyro is None or not gyro.followed.sensors.spacing > 0.0:
+        return None
+    return turning_tensor(gyro.followed.sensors.time, gyro.followed.fused, causal=False)
+
+
+def fault_onset(
+    sensors: SensorFaults, axes: list[int], record: FaultRecord, turning: FloatArray | None
+) -> float:
+    """Return when a fault began: the likeliest start of a step or a ramp in what it was off by."""
+    followed, noticed = sensors.followed, record.start
+    of = followed.sensors
+    first, last = np.searchsorted(of.time, [noticed - LOOK_BACK, noticed + 1e-9])
+    block = max(followed.block, 1)
+    usual = noticed - max(1.0, 2.0 * (record.time_constant or 0.5))
+    others = (followed.usage[first // block : last // block + 1] == 0).all(axis=0)
+    x = of.measurements[first:last]
+    if of.sensor == "accel" and turning is not None:
+        x = x - turning[first:last] @ arm_coefficients(of.axes, of.arms)
+    variance = np.median(followed.variance, axis=0)
+    off = against_others(x, of.axes, axes, others, variance)
+    found = None if off is None else onset_of(off, of.time[first:last], block)
+    return (usual if found is None else found) - MARGIN
+
+
+def against_others(
+    measurements: FloatArray,
+    axes: FloatArray,
+    suspects: Sequence[int],
+    others: BoolArray,
+    variance: FloatArray,
+) -> FloatArray | None:
+    """What some axes are off by, (n, suspects), against others; None where these are too few."""
+    others, those = others.copy(), list(suspects)
+    others[those] = False
+    if np.linalg.matrix_rank(axes[others], tol=0.3) < 3:
+        return None
+    fit = least_squares(axes[others], variance[others])
+    return measurements[:, those] - (measurements[:, others] @ fit.pi.T) @ axes[those].T
+
+
+def onset_of(off: FloatArray, time: FloatArray, block: int) -> float | None:
+    """Likeliest start of a step or a ramp, s; None where it cannot be told."""
+    count = len(off) // block
+    if count < 4:
+        return None
+    begin = len(off) - count * block
+    means = off[begin:].reshape(count, block, -1).mean(axis=1)
+    start = _likeliest_start(means) if np.isfinite(means).all() else 0
+    return float(time[begin + start * block]) if start > 0 else None
+
+
+def _likeliest_start(means: FloatArray) -> int:
+    """Block from which a step or a ramp explains most of the means (n, axes), each with a level."""
+    n = len(means)
+    index = np.arange(n)[:, None]
+    since = index - np.arange(n)[None, :]
+    shapes = [(since >= 0).astype(np.float64), np.maximum(since + 1, 0).astype(np.float64)]
+    centred = means - means.mean(axis=0)
+    explained = []
+    for shape in shapes:
+        level = shape - shape.mean(axis=0)
+        power = np.sum(level**2, axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.sum((level.T @ centred) ** 2, axis=1) / power
+        explained.append(np.where(power > 1e-9, gain, 0.0))
+    best = np.max(explained, axis=0)
+    return int(np.argmax(best))
