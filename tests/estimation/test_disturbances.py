@@ -109,6 +109,36 @@ def test_a_line_is_named_with_its_aliases_and_leaves_the_white_noise() -> None:
     assert any("line at 2" in flag for flag in found.flags)
 
 
+@pytest.mark.parametrize("method", ["slope", "psd", "gmwm", "ml"])
+def test_every_method_sees_the_signal_without_its_line(method: str) -> None:
+    _, x, amplitude, density = vibrating(18)
+    found = schuler.identify(x, 52.0, method=method)
+    assert len(found.lines) == 1
+    assert found.parameters["sinusoid.amplitude"] == pytest.approx(amplitude, rel=0.01)
+    # straight lines on a curve are read, not fitted
+    close = 0.05 if method == "slope" else 0.01
+    assert found.parameters["white_noise.density"] == pytest.approx(density, rel=close)
+    assert "quantization" not in {p.kind for p in found.process.components}
+    assert found.to_dict()["lines"][0]["frequency_hz"] == pytest.approx(2.0, abs=1e-4)
+
+
+def test_a_sinusoid_of_the_models_own_is_left_to_the_fit() -> None:
+    _, x, amplitude, _ = vibrating(19)
+    model = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(2e-3, 20.0) + schuler.Sinusoid(0.01, 2.0)
+    found = schuler.identify(x, 52.0, model)
+    assert found.lines == ()
+    assert found.parameters["sinusoid.amplitude"] == pytest.approx(amplitude, rel=0.02)
+
+
+def test_methods_share_one_signal_without_its_line() -> None:
+    _, x, _, density = vibrating(20)
+    seen = schuler.compare_methods(x, 52.0, ("allan", "gmwm", "psd"))
+    assert len(seen.results) == 3
+    for result in seen.results.values():
+        assert result.parameters["white_noise.density"] == pytest.approx(density, rel=0.01)
+        assert [p.kind for p in result.process.components].count("sinusoid") == 1
+
+
 def test_noise_without_lines_is_returned_as_it_was() -> None:
     noise, *_ = vibrating(9)
     assert without_lines(noise, 52.0).signal is noise
@@ -182,6 +212,17 @@ def test_temperature_is_taken_off_saved_and_applied(tmp_path: Path) -> None:
     assert compensated(replace(imu, temperature=None), model.effects).gyro is not None
 
 
+@pytest.mark.parametrize("method", ["gmwm", "psd"])
+def test_every_method_takes_the_temperature_off(method: str) -> None:
+    x, celsius, rate = warmed(21, 20.0)
+    found = schuler.identify(x, rate, method=method, columns={"temperature": celsius})
+    assert found.effects[0].column == "temperature"
+    assert [p.kind for p in found.process.components] == ["white_noise", "bias_instability"]
+    assert any("follows the temperature" in flag for flag in found.flags)
+    with pytest.raises(InputError, match="columns for method 'arma'"):
+        schuler.identify(x, rate, method="arma", columns={"temperature": celsius})
+
+
 def test_a_temperature_that_does_not_matter_is_left_alone() -> None:
     x, celsius, rate = warmed(15, 0.0)
     assert without_covariates(x, rate, {"temperature": celsius}).effects == ()
@@ -212,3 +253,10 @@ def test_the_longest_rest_of_a_moved_log_is_taken() -> None:
     moved[9000:12_000] += np.sin(np.arange(3000) * 0.05)[:, None]
     rest = longest_rest(replace(imu, gyro=moved), screen(replace(imu, gyro=moved)))
     assert 160.0 < rest.duration < 190.0
+
+
+def test_where_every_sample_is_an_outlier_the_answer_says_so() -> None:
+    x = np.random.default_rng(22).standard_cauchy(30_000)
+    found = schuler.identify(x, 100.0)
+    assert "outliers" in found.flags[0] or "outlier" in found.flags[0]
+    assert all(math.isfinite(v) for v in found.parameters.values())
