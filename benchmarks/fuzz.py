@@ -137,8 +137,8 @@ def read(path: Path, rng: random.Random) -> None:
         "array_calibration": [ArrayCalibration.load], "imu_calibration": [ImuCalibration.load],
     }  # fmt: skip
     readers = by_ending.get(path.stem) if path.suffix == ".yaml" else None
-    for one in readers or [lambda p: read_imus(p, **how), lambda p: read_imu(p, **how),
-                           lambda p: read_gnss(p, **how)]:  # fmt: skip
+    imu = read_imus if rng.random() < 0.5 else read_imu
+    for one in readers or [lambda p: imu(p, **how), lambda p: read_gnss(p, **how)]:
         try:
             one(path)
         except SchulerError:
@@ -198,20 +198,25 @@ def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
             what = (wanted, str(seed), str(first), str(last), str(place))
             command = [sys.executable, "-m", "benchmarks.fuzz", "--work", *what]
             quiet = {"POLARS_MAX_THREADS": "1", "RUST_BACKTRACE": "0"}
-            done = subprocess.run(
-                command, capture_output=True, text=True, env=os.environ | quiet, check=False
-            )
-            lines = [json.loads(x) for x in done.stdout.splitlines() if x.startswith("[")]
-            finds += [tuple(line) for line in lines]
+            trouble = place.with_suffix(".err")
+            with trouble.open("w") as errors, subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=errors, text=True, env=os.environ | quiet
+            ) as done:  # fmt: skip
+                for line in done.stdout or ():
+                    if line.startswith("["):
+                        finds.append(tuple(json.loads(line)))
+                        print(f"find: {line}", end="", file=sys.stderr, flush=True)
             if done.returncode == 0:
                 break
+            told = trouble.read_text(errors="replace").strip()
             at = int.from_bytes(place.read_bytes(), "little")
             if done.returncode != ENOUGH:
-                hang = "Timeout" in done.stderr
+                hang = "Timeout" in told
                 if not hang and done.returncode > 0:
-                    raise RuntimeError(done.stderr)  # the worker itself cannot run
+                    raise RuntimeError(told)  # the worker itself cannot run
                 end = "more than 10 s" if hang else f"the process ended with {done.returncode}"
-                finds.append((at, end, done.stderr.strip()[-300:]))
+                finds.append((at, end, told[-300:]))
+                print(f"find: {finds[-1]}", file=sys.stderr, flush=True)
             first = at + 1
     return finds
 

@@ -65,7 +65,8 @@ def seeds() -> dict[str, bytes]:
     """Return sound files by name; the ending tells the format."""
     found = dict(_written())
     found |= {"a.npz": _npz(), "a.jsonl": _json_lines(), "a.ubx": _ubx(), "a.ulg": _ulog(),
-              "a.BIN": _dataflash(), "novatel.bin": _novatel(), "a.mat": _matlab()}  # fmt: skip
+              "a.BIN": _dataflash(), "novatel.bin": _novatel(), "a.mat": _matlab(),
+              "newer.mat": _hdf5()}  # fmt: skip
     found |= {"kf.txt": _table("", np.column_stack([TIME, GYRO * 0.02, ACCEL * 0.02]), " ")}
     found |= dict(_loggers()) | dict(_bags())
     found |= {"noise.yaml": NOISE.encode(), "mounting.yaml": MOUNTING.encode(),
@@ -105,6 +106,19 @@ def _matlab() -> bytes:
     stream = io.BytesIO()
     savemat(stream, {"imu": {"t": TIME, "wb": GYRO, "fb": ACCEL, "freq": 50.0}})
     return stream.getvalue()
+
+
+def _hdf5() -> bytes:
+    import h5py
+
+    stream = io.BytesIO()
+    with h5py.File(stream, "w", userblock_size=512) as file:
+        group = file.create_group("imu")
+        for name, values in (("t", TIME[np.newaxis]), ("wb", GYRO.T), ("fb", ACCEL.T)):
+            group[name] = values
+    content = bytearray(stream.getvalue())
+    content[:19] = b"MATLAB 7.3 MAT-file"
+    return bytes(content)
 
 
 def _json_lines() -> bytes:

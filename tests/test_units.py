@@ -88,6 +88,7 @@ def test_datasheet_value_of_the_adis16405() -> None:
         ("1e999 deg", "angle", "finite"),
         ("3 " + "(" * 5000, "angle", "too long"),
         ("3 m^99", "length", "out of range"),
+        ("3 m^1/0", "length", "over zero"),
     ],
 )
 def test_refused_in_one_clear_line(text: str, kind: str, said: str) -> None:

@@ -209,7 +209,10 @@ def _product(unit: str, tokens: _Tokens) -> tuple[float, Dimension, _Tokens]:
 def _power(unit: str, tokens: _Tokens) -> tuple[float, Dimension, _Tokens]:
     factor, dimension, tokens = _atom(unit, tokens)
     if tokens and tokens[0][0] == "power":
-        exponent = Fraction(tokens[0][1].lstrip("^*").strip(" ()"))
+        digits = tokens[0][1].lstrip("^*").strip(" ()")
+        if "/" in digits and int(digits.partition("/")[2]) == 0:
+            raise UnitError(f"unit '{unit}' has a power over zero")
+        exponent = Fraction(digits)
         if abs(exponent) > 9:
             raise UnitError(f"unit '{unit}' has a power out of range")
         factor, dimension = factor ** float(exponent), _add(NONE, dimension, exponent)

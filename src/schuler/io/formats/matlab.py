@@ -10,6 +10,7 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.format import Format, What, damaged, lacking
+from schuler.io.formats.rehearsal import rehearse
 from schuler.io.source import Columns, MemorySource
 from schuler.io.trajectories.matlab import write_mat, write_recording
 
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 
 def open_mat(path: Path, what: What, options: ReadOptions) -> MemorySource:
     """Read the struct or the matrix of an IMU or a receiver; all is SI and radians."""
-    content = _hdf5(path) if path.read_bytes()[:512].find(b"MATLAB 7.3") >= 0 else _level5(path)
+    rehearse(path, "MATLAB", __name__, "_content")
+    content = _content(path)
     nodes = list(_nodes("", content))
     for name, value in nodes:
         if isinstance(value, dict):
@@ -38,6 +40,12 @@ def open_mat(path: Path, what: What, options: ReadOptions) -> MemorySource:
         expected=f"a struct of NaveGo with {wanted}, or matrices of PSINS",
         where=str(path),
     )
+
+
+def _content(path: Path) -> dict[str, Any]:
+    with path.open("rb") as stream:
+        newer = b"MATLAB 7.3" in stream.read(512)
+    return _hdf5(path) if newer else _level5(path)
 
 
 def _level5(path: Path) -> dict[str, Any]:
@@ -64,7 +72,7 @@ def _hdf5(path: Path) -> dict[str, Any]:
     try:
         with h5py.File(path) as file:
             return dict(plain(file))
-    except OSError as error:
+    except Exception as error:  # so does h5py
         raise damaged(path, "MATLAB 7.3", error) from None
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +29,10 @@ def open_ulog(path: Path, what: What, options: ReadOptions) -> MemorySource:
         raise lacking("pyulog", "px4", path) from None
     topics = _IMU_TOPICS if what == "imu" else _GNSS_TOPICS
     try:
-        log = ULog(str(path), message_name_filter_list=list(topics), disable_str_exceptions=True)
+        with redirect_stdout(StringIO()):  # where pyulog tells of damage
+            log = ULog(
+                str(path), message_name_filter_list=list(topics), disable_str_exceptions=True
+            )
     except Exception as error:  # pyulog raises many kinds for damaged logs
         raise damaged(path, "PX4 ULog", error) from None
     there = {d.name: d.data for d in log.data_list if d.multi_id == 0}
