@@ -227,13 +227,16 @@ def endure(run: Run, seed: int = 1) -> list[str]:
 
 def _started(circle: Circle, model: SensorErrorModel, now: float) -> NavigationFilter:
     position, velocity, heading = circle.motion(np.array([now]))
-    sd = [*[1.0] * 3, *[0.1] * 3, *np.radians([0.1, 0.1, 1.0]), *model.initial_sd]
+    covariance = np.zeros((9 + model.size, 9 + model.size))
+    sd = [*[1.0] * 3, *[0.1] * 3, *np.radians([0.1, 0.1, 1.0])]
+    covariance[:9, :9] = np.diag(np.square(sd))
+    covariance[9:, 9:] = model.initial_covariance
     initial = InitialState(
         position[0],
         velocity[0],
         dcm_from_euler(0.0, 0.0, heading[0]),
         np.zeros(model.size),
-        np.diag(np.square(sd)),
+        covariance,
     )
     return NavigationFilter(initial, model, rate=circle.run.rate)
 
