@@ -168,7 +168,7 @@ def test_a_model_that_fails_leaves_the_state_where_the_samples_are(twin: Twin) -
 
     from schuler.navigation.aiding.general import placed_source
 
-    _, known = placed_source(Broken()).placed(twin.setup.model)  # type: ignore[arg-type]
+    _, known = placed_source(Broken()).placed(twin.setup.model)
     with pytest.raises((ValueError, SchulerError), match="one's own"):
         filter_.add(known.rows())
     same(filter_.state(), before)

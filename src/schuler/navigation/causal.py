@@ -19,6 +19,7 @@ from schuler.navigation.aiding.standstill import (
     REST_VELOCITY_SD,
     STEADY_ACCEL,
     STEADY_GYRO,
+    shake_level,
 )
 from schuler.navigation.aiding.vehicle import VehicleConstraint
 from schuler.navigation.preparation.gaps import (
@@ -55,6 +56,7 @@ class ConstraintStream:
         "_gyro_variance",
         "_last_rate",
         "_longest",
+        "_recent",
         "_rolled",
         "_stamps",
         "_stride",
@@ -75,6 +77,7 @@ class ConstraintStream:
         # sums of gyro and accelerometer before each of the last samples
         self._totals = np.zeros((2 * self._block + 2, 6))
         self._stamps = np.zeros(2 * self._block + 2)
+        self._recent = np.zeros((self._block, 6))
 
     def rows(self, time: float, gyro: FloatArray, accel: FloatArray) -> Iterator[Row]:
         """Yield the measurements that a sample brings with it."""
@@ -94,6 +97,8 @@ class ConstraintStream:
         after = self._totals[(k + 1) % places]
         after[:3], after[3:] = before[:3] + gyro, before[3:] + accel
         self._stamps[k % places] = time
+        recent = self._recent[k % block]
+        recent[:3], recent[3:] = gyro, accel
         if k < 2 * block or (k - 2 * block) % self._stride:
             return
         if time - self._stamps[(k - 2 * block) % places] >= self._longest:
@@ -102,6 +107,9 @@ class ConstraintStream:
         last = (after - middle) / block
         change = np.abs(last - (middle - self._totals[(k + 1 - 2 * block) % places]) / block)
         if not (change[:3].max() < STEADY_GYRO and change[3:].max() < STEADY_ACCEL):
+            return
+        standing, recent = self._vehicle.standing, self._recent
+        if standing is not None and shake_level(recent[:, :3], recent[:, 3:]) > standing.limit:
             return
         yield time, ZERO_VELOCITY, np.zeros(3), np.full(3, REST_VELOCITY_SD**2)
         if time - self._last_rate >= 1.0 - 1e-6:

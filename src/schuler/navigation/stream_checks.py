@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
+from schuler.navigation.aiding.gnss import LEAST_POSITION_SD, LEAST_VELOCITY_SD, NEAREST_POLE
 from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.types import FloatArray
 
@@ -20,9 +21,6 @@ FASTEST_TURN = 1e3
 """Rad/s beyond what any gyro measures."""
 STRONGEST_PUSH = 1e5
 """The same of accelerometers, m/s²."""
-LEAST_POSITION_SD, LEAST_VELOCITY_SD = 1e-4, 1e-5
-"""Standard deviations in m and m/s that no receiver reaches: less is a slip of units or a word
-for "not known", and would be believed to the last bit."""
 HEIGHTS = (-2e4, 1e8)
 
 
@@ -119,6 +117,12 @@ def checked_position(value: ArrayLike, sd: ArrayLike) -> tuple[FloatArray, Float
             f"a position at latitude {latitude:.6g}, longitude {longitude:.6g}",
             expected="radians, latitude within +-pi/2",
             cure="convert degrees with numpy.radians",
+        )
+    if abs(latitude) > NEAREST_POLE:
+        raise InputError(
+            f"a position at latitude {math.degrees(latitude):.6f} deg: at a pole north and east do "
+            "not exist",
+            expected=f"latitudes within +-{math.degrees(NEAREST_POLE):.2f} deg",
         )
     if height < HEIGHTS[0] or height > HEIGHTS[1]:
         raise InputError(f"a height of {height:.6g} m", expected="metres above the ellipsoid")

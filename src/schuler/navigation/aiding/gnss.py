@@ -18,6 +18,11 @@ from schuler.navigation.aiding.schedule import (
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.types import FloatArray
 
+NEAREST_POLE = np.radians(89.99)
+"""Latitude beyond which the axes north, east, down turn too fast for a run over them."""
+LEAST_POSITION_SD, LEAST_VELOCITY_SD = 1e-4, 1e-5
+"""Standard deviations in m and m/s that no receiver reaches: less is a slip of units or a word
+for "not known", and would be believed to the last bit."""
 LEAST_WHITE = 0.02
 """Share of a receiver's variance that is white noise at least."""
 SLOW_SHAPE = np.array([1.0, 1.0, 1.5])
@@ -192,6 +197,31 @@ class GnssVelocity:
         sd = _known(self.recording.velocity_sd, self.recording, "velocity")
         time = self.recording.time + self.time_offset
         return schedule_rows(time, VELOCITY, velocity, (sd * self.sd_factor) ** 2, lever_arm=arm)
+
+
+def require_possible(gnss: GnssRecording) -> None:
+    """Refuse fixes at a pole, and deviations that no receiver reaches."""
+    nearest = float(np.abs(gnss.position[:, 0]).max())
+    if nearest > NEAREST_POLE:
+        raise InputError(
+            f"GNSS comes within {np.degrees(0.5 * np.pi - nearest) * 111_700.0:.0f} m of a pole, "
+            "where north and east do not exist",
+            expected=f"latitudes within +-{np.degrees(NEAREST_POLE):.2f} deg",
+            where=gnss.name,
+        )
+    for sd, least, what, unit in (
+        (gnss.position_sd, LEAST_POSITION_SD, "position", "m"),
+        (gnss.velocity_sd, LEAST_VELOCITY_SD, "velocity", "m/s"),
+    ):
+        low = np.zeros(0) if sd is None else sd[sd < least]
+        if low.size:
+            raise InputError(
+                f"GNSS {what} standard deviations down to {low.min():.1e} {unit}: no receiver is "
+                "that sure, and the filter would believe it",
+                expected=f"{least:g} {unit} or more",
+                cure=f"check their unit, or give one for all with --gnss-{what}-sd",
+                where=gnss.name,
+            )
 
 
 def require_overlap(gnss: GnssRecording, start: float, stop: float) -> None:

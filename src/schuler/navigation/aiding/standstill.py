@@ -28,6 +28,31 @@ REST_INTERVAL = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StandingJudgement:
+    """At which moments without felt motion a vehicle stands, and at which it creeps.
+
+    Parameters
+    ----------
+    time : (k,) ndarray
+        Of the moments, s.
+    standing : (k,) ndarray of bool
+        Whether it stands.
+    limit : float
+        Of the shaking below which it does, for moments to come; see `shake_level`.
+    """
+
+    time: FloatArray
+    standing: NDArray[np.bool_]
+    limit: float
+
+    def holds(self, time: FloatArray) -> NDArray[np.bool_]:
+        """Whether the vehicle stands at these times, by the nearest moments."""
+        after = np.clip(np.searchsorted(self.time, time), 1, max(self.time.size - 1, 1))
+        before_is_nearer = time - self.time[after - 1] < self.time[after % self.time.size] - time
+        return self.standing[np.where(before_is_nearer, after - 1, after % self.time.size)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Standstill:
     """No velocity and no rate at moments without motion.
 
@@ -37,14 +62,19 @@ class Standstill:
         In which they are looked for.
     gyro_density : (3,) ndarray
         White noise of the gyros, rad/s/sqrt(Hz).
+    judgement : StandingJudgement or None
+        Leaves out moments at which the vehicle creeps.
     """
 
     imu: ImuRecording
     gyro_density: FloatArray
+    judgement: StandingJudgement | None = None
 
     def rows(self) -> AidingSchedule:
         """Return a zero velocity at every such moment, and a zero rate once a second."""
         rest = detect_standstill(self.imu)
+        if self.judgement is not None:
+            rest = rest.select(self.judgement.holds(rest.time))
         none = np.zeros((rest.time.size, 3))
         velocity = schedule_rows(rest.time, ZERO_VELOCITY, none, REST_VELOCITY_SD**2)
         # means of whole seconds must not overlap, or their noise would be counted twice
@@ -72,6 +102,24 @@ class StandingMoments:
     time: FloatArray
     gyro: FloatArray
     down: FloatArray
+
+    def select(self, keep: NDArray[np.bool_]) -> StandingMoments:
+        """Return some of them."""
+        return StandingMoments(self.time[keep], self.gyro[keep], self.down[keep])
+
+
+def shake_level(gyro: FloatArray, accel: FloatArray) -> float:
+    """How much a second of samples (n, 3) shakes: logarithm of the variances' product."""
+    floor = 1e-300
+    return float(np.log(gyro.var(axis=0).sum() + floor) + np.log(accel.var(axis=0).sum() + floor))
+
+
+def shaking(imu: ImuRecording, time: FloatArray) -> FloatArray:
+    """Return the shake level of the second before each of some times."""
+    block = max(round(imu.rate), 2)
+    stops = np.searchsorted(imu.time, time + 1e-9)
+    parts = [slice(max(s - block, 0), s) for s in stops.tolist()]
+    return np.array([shake_level(imu.gyro[p], imu.accel[p]) for p in parts])
 
 
 def detect_standstill(imu: ImuRecording) -> StandingMoments:

@@ -22,7 +22,7 @@ from schuler.navigation.aiding.schedule import (
     AidingSchedule,
     schedule_rows,
 )
-from schuler.navigation.aiding.standstill import Standstill
+from schuler.navigation.aiding.standstill import StandingJudgement, Standstill
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.stepping import VehicleStates
 from schuler.types import FloatArray
@@ -67,6 +67,8 @@ class VehicleConstraint:
         constraints do, as slopes, ruts and side wind last for seconds.
     interval : float
         Seconds between non-holonomic constraints.
+    standing : StandingJudgement or None
+        Which moments without felt motion are creeping; None: all are standing.
     """
 
     constraints: tuple[str, ...]
@@ -75,6 +77,7 @@ class VehicleConstraint:
     lateral_sd: float = 0.05
     vertical_sd: float = 0.15
     interval: float = 0.125
+    standing: StandingJudgement | None = None
 
     @property
     def states(self) -> VehicleStates:
@@ -94,7 +97,7 @@ class VehicleConstraint:
                 self.vertical_sd,
                 self.interval,
             ),
-            "zupt": Standstill(imu, gyro_density),
+            "zupt": Standstill(imu, gyro_density, self.standing),
         }
         return tuple(source for name, source in told.items() if name in self.constraints)
 

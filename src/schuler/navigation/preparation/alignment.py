@@ -17,10 +17,12 @@ from schuler.errors import NavigationError
 from schuler.navigation.engine import InitialState
 from schuler.navigation.preparation.dead_reckoning import dead_reckon
 from schuler.navigation.preparation.moving_start import (
+    LEVELLING,
     MOTION_GYRO_SD,
     MOTION_TILT_SD,
     attitude_history,
     inflated_model,
+    really_moves,
     settle_heading,
     start_in_motion,
     velocity_doubt,
@@ -34,14 +36,19 @@ from schuler.navigation.preparation.rest import (
 from schuler.rotations import dcm_from_euler
 from schuler.types import FloatArray
 
-# seconds of motion used for the heading, tried in turn
-MATCH_LENGTHS = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
+# seconds of motion in which a course is looked for where the mounting is known
+COURSE_STRETCH = 60.0
 # a heading known worse than this (rad) is no start
 WORST_HEADING = np.radians(10.0)
-# velocity changes are compared over this time (s)
-MATCH_SPAN = 2.0
-# standard deviation of heading (rad) that is good enough to stop looking further
-GOOD_HEADING = np.radians(1.0)
+# seconds before the first real motion at which it is looked at, and after which a slow beginning
+# is too long to look for the heading from its start
+BEFORE_MOTION = 5.0
+LONG_CREEPING = 40.0
+EARTH_RATE = 7.3e-5
+# by which the bias of a gyro may be another one minutes later, rad/s
+GYRO_DRIFT = np.radians(0.015)
+# standard deviation of heading (rad) that is claimed at best
+LEAST_HEADING_SD = np.radians(1.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +117,9 @@ def align(
     if gnss.velocity is None:
         gnss = _with_velocity_from_position(gnss)
     arm = np.zeros(3) if lever_arm is None else lever_arm
+    found = align_where_it_moves(imu, gnss, rest, velocity_offset, arm)
+    if found is not None:
+        return found
     if rest is None:
         return _align_in_motion(imu, gnss, velocity_offset, mounting, arm)
     level, bias, bias_sd = _at_rest(imu, gnss, rest)
@@ -125,6 +135,59 @@ def align(
         rest=rest,
         method=f"levelled over {rest[1] - rest[0]:.0f} s at rest, {method}",
         velocity=np.zeros(3),
+    )
+
+
+def align_where_it_moves(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    rest: tuple[float, float] | None,
+    offset: float,
+    lever_arm: FloatArray,
+) -> Alignment | None:
+    """Attitude where the vehicle really begins to move, carried back to the first sample.
+
+    For drives that begin with long creeping, which shows little but the errors of the receiver;
+    None for others, or where that motion tells no heading either.
+    """
+    moving = gnss.time[really_moves(gnss)] + offset
+    begin = float(imu.time[0]) if rest is None else rest[1] - 1.0
+    moving = moving[moving > begin]
+    if not moving.size or moving[0] - BEFORE_MOTION - begin < LONG_CREEPING:
+        return None
+    later = imu.between(float(moving[0]) - BEFORE_MOTION, np.inf)
+    try:
+        start = start_in_motion(later, gnss, offset, lever_arm)
+    except NavigationError:
+        return None
+    if start.heading_sd > WORST_HEADING:
+        return None
+    before = imu.between(begin, float(later.time[0]))
+    bias, bias_sd = start.gyro_bias, start.gyro_bias_sd
+    level, velocity = None, np.zeros(3)
+    if rest is not None:
+        level, bias, bias_sd = _at_rest(imu, gnss, rest)
+    step = np.diff(before.time, prepend=before.time[0])[:, None]
+    turned = attitude_history((before.gyro - bias) * step)
+    if level is None:
+        some = before.time < begin + LEVELLING
+        level = level_from_gravity(np.einsum("kij,kj->i", turned[some], before.accel[some]))
+        assert gnss.velocity is not None
+        velocity = gnss.velocity[int(np.argmax(gnss.time + offset >= begin))].copy()
+    back = start.rotation @ turned[-1].T @ level.T
+    yaw = np.arctan2(back[1, 0] - back[0, 1], back[0, 0] + back[1, 1])
+    carried = float(before.time[-1]) - begin
+    drift = np.hypot(bias_sd, GYRO_DRIFT) * carried
+    return Alignment(
+        rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
+        tilt_sd=float(MOTION_TILT_SD) if rest is None else _tilt_sd(),
+        heading_sd=float(np.hypot(max(start.heading_sd, LEAST_HEADING_SD), drift)),
+        gyro_bias=bias,
+        gyro_bias_sd=bias_sd,
+        rest=rest,
+        method=f"heading by hypotheses over {start.seconds:.0f} s of real motion, "
+        f"carried back {carried:.0f} s by the gyros",
+        velocity=velocity,
     )
 
 
@@ -144,7 +207,7 @@ def _at_rest(
     means = gyro[: count * block].reshape(count, block, 3).mean(axis=1)
     spread = float(means.std(axis=0, ddof=1).max()) if count > 1 else REST_GYRO
     # the earth's rate about unknown north: 15 deg/h at most stays in the bias
-    return level, gyro.mean(axis=0), float(np.hypot(spread / np.sqrt(count), 7.3e-5))
+    return level, gyro.mean(axis=0), float(np.hypot(spread / np.sqrt(count), EARTH_RATE))
 
 
 def _heading_from_motion(
@@ -170,30 +233,22 @@ def _heading_from_motion(
     begin = float(gnss.time[moving[0]]) + offset - 3.0
     # from the end of the rest, as the vehicle may turn before GNSS is there to see it
     first = max(rest[0], min(begin, rest[1] - 1.0))
-    part = _without_bias(imu.between(first, begin + MATCH_LENGTHS[-1] + 5.0), bias)
-    near = int(np.argmin(np.abs(gnss.time + offset - first)))
-    _, velocity, rotation = dead_reckon(part, gnss.position[near], np.zeros(3), level)
-    best: tuple[float, float] | None = None
-    for length in MATCH_LENGTHS:
-        found = _match_velocity_changes(part, velocity, gnss, offset, begin, begin + length)
-        if found is not None and (best is None or found[1] < best[1]):
-            best = found
-        if best is not None and best[1] < GOOD_HEADING:
-            break
-    if best is not None and best[1] < WORST_HEADING:
-        return best[0], max(best[1], np.radians(0.5)), "heading from the first velocity changes"
     after = _without_bias(imu.between(first, np.inf), bias)
-    begin_at = _rest_starts(level, gnss.position[near])
+    near = int(np.argmin(np.abs(gnss.time + offset - first)))
     extra = velocity_doubt(gnss, lever_arm)
-    found_late, stretch = settle_heading(after, gnss, begin_at, lever_arm, offset, extra)
-    if found_late.sd < WORST_HEADING:
+    start = _rest_starts(level, gnss.position[near])
+    found, stretch = settle_heading(after, gnss, start, lever_arm, offset, extra)
+    if found.sd < WORST_HEADING:
         text = f"heading by hypotheses over {stretch.duration:.0f} s"
-        return found_late.mean, max(found_late.sd, np.radians(1.5)), text
+        return found.mean, max(found.sd, LEAST_HEADING_SD), text
     if mounting is not None:
+        part = after.between(first, begin + COURSE_STRETCH)
+        _, _, rotation = dead_reckon(part, gnss.position[near], np.zeros(3), level)
         yaw, sd = _heading_from_course(part, rotation, gnss, offset, mounting)
         return yaw, sd, "heading from the first GNSS course"
     raise NavigationError(
-        "the first three minutes of motion do not tell the heading to 10 deg",
+        f"the first {stretch.duration:.0f} s after the rest do not tell the heading to 10 deg "
+        f"(known to {np.degrees(found.sd):.0f} deg)",
         expected="a start, a brake or a turn in that time",
         cure="give the heading with --heading, or the mounting of the IMU in the vehicle",
         where=gnss.name,
@@ -218,39 +273,6 @@ def _rest_starts(level: FloatArray, position: FloatArray) -> Callable[[float], I
         np.zeros(model.size),
         covariance,
     )
-
-
-def _match_velocity_changes(
-    part: ImuRecording,
-    velocity: FloatArray,
-    gnss: GnssRecording,
-    offset: float,
-    start: float,
-    stop: float,
-) -> tuple[float, float] | None:
-    assert gnss.velocity is not None
-    time = gnss.time + offset
-    inside = (time > max(start, part.time[0])) & (time < min(stop, part.time[-1]))
-    epochs, seen = time[inside], gnss.velocity[inside]
-    later = np.searchsorted(epochs, epochs + MATCH_SPAN - 1e-3)
-    first = np.flatnonzero(later < epochs.size)
-    second = later[first]
-    close = epochs[second] - epochs[first] < 2.0 * MATCH_SPAN
-    first, second = first[close], second[close]
-    if first.size < 4:
-        return None
-    felt = np.column_stack([np.interp(epochs, part.time, velocity[:, i]) for i in (0, 1)])
-    a = (felt[second] - felt[first]) @ np.array([1.0, 1.0j])
-    b = (seen[second, :2] - seen[first, :2]) @ np.array([1.0, 1.0j])
-    product = np.sum(np.conj(a) * b)
-    power = np.sum(np.abs(a) ** 2)
-    if power <= 0.0:
-        return None
-    yaw = float(np.angle(product))
-    left = b - np.exp(1j * yaw) * a
-    # neighbouring differences overlap, so fewer of them are independent
-    overlap = max(1.0, first.size * MATCH_SPAN / max(epochs[-1] - epochs[0], MATCH_SPAN))
-    return yaw, float(np.sqrt(overlap * np.mean(np.abs(left) ** 2) / power))
 
 
 def _heading_from_course(
@@ -295,7 +317,8 @@ def _align_in_motion(
         if mounting is None:
             raise NavigationError(
                 "no rest at the start, and too little acceleration to find the attitude in motion "
-                f"(heading known to {np.degrees(heading_sd):.0f} deg)",
+                f"in the first {start.seconds:.0f} s (heading known to "
+                f"{np.degrees(heading_sd):.0f} deg)",
                 expected="two seconds at rest, or a start, brake or turn in the first minutes",
                 cure="cut the recording so that it starts at rest, or give the mounting of the "
                 "IMU in the vehicle with --mounting",
@@ -310,7 +333,7 @@ def _align_in_motion(
     return Alignment(
         rotation=rotation,
         tilt_sd=float(MOTION_TILT_SD),
-        heading_sd=float(max(heading_sd, np.radians(1.5))),
+        heading_sd=float(max(heading_sd, LEAST_HEADING_SD)),
         gyro_bias=start.gyro_bias,
         gyro_bias_sd=float(MOTION_GYRO_SD),
         rest=None,
@@ -333,4 +356,7 @@ def _with_velocity_from_position(gnss: GnssRecording) -> GnssRecording:
 
     local = ned_from_geodetic(gnss.position, gnss.position[0])
     velocity = np.gradient(local, gnss.time, axis=0) if gnss.size > 1 else np.zeros((1, 3))
-    return replace(gnss, velocity=velocity, velocity_sd=np.full((gnss.size, 3), 0.5))
+    step = np.gradient(gnss.time) if gnss.size > 1 else np.ones(1)
+    # a metre in two epochs, and what the vehicle may do between them
+    sd = np.repeat((0.5 + 0.5 * np.maximum(step - 1.0, 0.0))[:, None], 3, axis=1)
+    return replace(gnss, velocity=velocity, velocity_sd=sd)

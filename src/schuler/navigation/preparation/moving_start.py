@@ -29,7 +29,7 @@ from schuler.navigation.preparation.headings import (
     decimated_inputs,
     judge_headings,
 )
-from schuler.navigation.preparation.rest import level_from_gravity
+from schuler.navigation.preparation.rest import REST_SPEED, level_from_gravity, moves
 from schuler.rotations import dcm_from_euler, dcm_from_rotation_vector
 from schuler.types import FloatArray
 
@@ -39,15 +39,26 @@ ROUNDS = 4
 """Of bias from level and level from bias."""
 STRETCHES = (20.0, 40.0, 60.0, 90.0, 120.0, 180.0)
 """Seconds of motion in which the heading is looked for, tried in turn."""
+MOTION_STRETCHES = (15.0, 30.0, 60.0, 120.0)
+"""Seconds of real motion until which it is looked for where a drive begins without any."""
+LONGEST_STRETCH = 900.0
+SHORTEST_STEP = 4.0
+"""Seconds by which a stretch is longer than the one before, or the recording is at its end."""
+FEWEST_EPOCHS = 8
+"""Of GNSS in a stretch."""
 ENOUGH = np.radians(2.0)
 """Standard deviation of heading at which no longer stretch is tried."""
 MOTION_GYRO_SD = np.radians(0.5)
 """Of gyro biases found in motion, rad/s: slopes and leans of the vehicle over the stretch."""
 MOTION_TILT_SD = np.radians(3.0)
+UNSURE_TILT_SD = np.radians(6.0)
+"""Of a level for which GNSS does not tell the acceleration."""
 NOISE_INFLATION = 2.0
 """On the white noise of a generic sensor: engines and roads shake it."""
 STAMPS = 0.2
 """Seconds that stamps may be off before anybody has looked for it."""
+SHARE_OF_FAST = 0.3
+"""Of the speed that a vehicle exceeds a tenth of the time: slower is creeping."""
 KNOWN_ARM = 0.2
 UNKNOWN_ARM = 1.5
 """Metres that a lever arm may be off where one was given, and where none was."""
@@ -65,6 +76,8 @@ class MovingStart:
         Its standard deviation, rad.
     gyro_bias : (3,) ndarray
         Mean rate less the turn of the course, rad/s.
+    gyro_bias_sd : float
+        As the stretch leaves it, of the axis that is known least.
     velocity : (3,) ndarray
         North, east, down, m/s.
     seconds : float
@@ -76,6 +89,7 @@ class MovingStart:
     rotation: FloatArray
     heading_sd: float
     gyro_bias: FloatArray
+    gyro_bias_sd: float
     velocity: FloatArray
     seconds: float
     levelled: ImuRecording
@@ -89,23 +103,26 @@ def start_in_motion(
     window = imu.between(float(imu.time[0]), float(imu.time[0]) + LEVELLING)
     time = gnss.time + offset
     inside = (time > window.time[0]) & (time < window.time[-1])
-    if inside.sum() < 4:
+    ahead = (time > window.time[0]) & (time < window.time[0] + LONGEST_STRETCH)
+    if ahead.sum() < FEWEST_EPOCHS:
         raise NavigationError(
-            f"less than four GNSS epochs in the first {LEVELLING:.0f} s, and no rest at the start",
-            expected="GNSS velocities from the start, or two seconds at rest",
+            f"{ahead.sum()} GNSS epochs in the first {LONGEST_STRETCH / 60.0:.0f} minutes, and no "
+            "rest at the start",
+            expected=f"{FEWEST_EPOCHS} GNSS epochs, or two seconds at rest",
             cure="cut the recording to where GNSS is there",
             where=gnss.name,
         )
     level, bias, levelled = _level_and_bias(window, time[inside], gnss, inside)
-    first = int(np.argmax(inside))
-    start = _starts(level, bias, gnss, first, window)
+    first = int(np.argmax(ahead))
+    start = _starts(level, bias, gnss, first, window, time[inside])
     extra = velocity_doubt(gnss, lever_arm)
     found, part = settle_heading(imu, gnss, start, lever_arm, offset, extra)
-    rotation, bias = _looking_back(part, gnss, start, found, lever_arm, offset, extra)
+    rotation, bias, bias_sd = _looking_back(part, gnss, start, found, lever_arm, offset, extra)
     return MovingStart(
         rotation=rotation,
         heading_sd=float(np.hypot(found.sd, np.radians(0.5))),
         gyro_bias=bias,
+        gyro_bias_sd=bias_sd,
         velocity=gnss.velocity[first].copy(),
         seconds=part.duration,
         levelled=levelled,
@@ -123,9 +140,9 @@ def settle_heading(
     """Judge headings over longer and longer stretches until one is known well enough."""
     found: HeadingPosterior | None = None
     part = imu
-    for stretch in STRETCHES:
+    for stretch in _stretches(imu, gnss, offset):
         longer = imu.between(float(imu.time[0]), float(imu.time[0]) + stretch)
-        if found is not None and longer.duration < 1.2 * part.duration:
+        if found is not None and longer.duration < part.duration + SHORTEST_STEP:
             break
         part = longer
         found = judge_headings(
@@ -143,6 +160,34 @@ def settle_heading(
     return found, part
 
 
+def _stretches(imu: ImuRecording, gnss: GnssRecording, offset: float) -> list[float]:
+    """Lengths of stretches with as much motion as a heading takes, the usual ones first.
+
+    A vehicle that creeps for minutes shows little but the errors of its receiver: a heading is
+    looked for until it really moves.
+    """
+    since = gnss.time + offset - float(imu.time[0])
+    usual = [s for s in STRETCHES if ((since > 0.0) & (since < s)).sum() >= FEWEST_EPOCHS]
+    inside = (since > 0.0) & (since < LONGEST_STRETCH)
+    if not usual:
+        usual = [float(since[inside][-1])] if inside.any() else list(STRETCHES)
+    moving = inside & really_moves(gnss)
+    step = np.minimum(np.diff(since, prepend=since[0]), 1.5 * LEVELLING)
+    moved = np.cumsum(np.where(moving, step, 0.0))
+    if moved[-1] < MOTION_STRETCHES[0]:
+        return usual
+    ends = [float(since[np.argmax(moved >= m)]) for m in MOTION_STRETCHES if m <= moved[-1]]
+    longer = [e for e in ends if e > usual[-1]]
+    return [s for s in usual if s >= ends[0]] + longer
+
+
+def really_moves(gnss: GnssRecording) -> NDArray[np.bool_]:
+    """Epochs with a speed that is no creeping, by what the vehicle does later on."""
+    assert gnss.velocity is not None
+    fast = float(np.quantile(np.linalg.norm(gnss.velocity[:, :2], axis=1), 0.9))
+    return moves(gnss, max(SHARE_OF_FAST * fast, REST_SPEED))
+
+
 def _level_and_bias(
     window: ImuRecording, epochs: FloatArray, gnss: GnssRecording, inside: NDArray[np.bool_]
 ) -> tuple[Callable[[float], FloatArray], FloatArray, ImuRecording]:
@@ -154,7 +199,9 @@ def _level_and_bias(
     near = gnss.position[int(np.argmax(inside))]
     pull = np.array([0.0, 0.0, float(gravity(near[0], near[2]))])
     # what the accelerometers should feel on average, in north-east-down
-    force = (seen[-1] - seen[0]) / (epochs[-1] - epochs[0]) - pull
+    force = -pull
+    if _tells_acceleration(epochs, window):
+        force += (seen[-1] - seen[0]) / (epochs[-1] - epochs[0])
     rate, turn = mean_rates(window, epochs, seen)
     down = -window.accel.mean(axis=0)
     down /= np.linalg.norm(down)
@@ -178,18 +225,26 @@ def _level_and_bias(
     return attitude, bias, replace(window, gyro=window.gyro - bias)
 
 
+def _tells_acceleration(epochs: FloatArray, window: ImuRecording) -> bool:
+    """Whether GNSS covers a window well enough for the mean acceleration in it."""
+    return bool(epochs.size >= 4 and epochs[-1] - epochs[0] > 0.5 * window.duration)
+
+
 def _starts(
     attitude: Callable[[float], FloatArray],
     bias: FloatArray,
     gnss: GnssRecording,
     first: int,
     window: ImuRecording,
+    epochs: FloatArray,
 ) -> Callable[[float], InitialState]:
     """Initial state for a heading."""
     assert gnss.velocity is not None
     model = inflated_model()
     covariance = np.zeros((9 + model.size, 9 + model.size))
-    sd = [10.0, 10.0, 15.0, 1.0, 1.0, 1.0, MOTION_TILT_SD, MOTION_TILT_SD, 1e-3]
+    sure = _tells_acceleration(epochs, window)
+    velocity_sd, tilt_sd = (1.0, MOTION_TILT_SD) if sure else (3.0, UNSURE_TILT_SD)
+    sd = [10.0, 10.0, 15.0, *(velocity_sd,) * 3, tilt_sd, tilt_sd, 1e-3]
     covariance[:9, :9] = np.diag(np.square(sd))
     covariance[9:, 9:] = model.initial_covariance
     state = np.zeros(model.size)
@@ -209,8 +264,8 @@ def _looking_back(
     lever_arm: FloatArray,
     offset: float,
     extra: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Attitude and gyro biases at the first sample, smoothed over the stretch.
+) -> tuple[FloatArray, FloatArray, float]:
+    """Attitude and gyro biases with their deviation at the first sample, smoothed over the stretch.
 
     The heading keeps the mean over all hypotheses.
     """
@@ -221,7 +276,11 @@ def _looking_back(
     done = run_engine(slow, initial, model, schedule, gate=gate_thresholds(1e-6))
     smoothed = smooth_run(done, model, slow.time)
     places = [model.constant_states(3 + axis)[0] for axis in range(3)]
-    return smoothed.samples.rotation[0].copy(), smoothed.sensor_state[0, places].copy()
+    return (
+        smoothed.samples.rotation[0].copy(),
+        smoothed.sensor_state[0, places].copy(),
+        float(smoothed.sensor_sd[0, places].max()),
+    )
 
 
 def inflated_model() -> SensorErrorModel:

@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
-from schuler.navigation.aiding.gnss import require_overlap
+from schuler.navigation.aiding.gnss import require_overlap, require_possible
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.engine import InitialState
 from schuler.navigation.error_models.sensor_error_model import (
@@ -31,10 +31,12 @@ from schuler.navigation.preparation.diagnosis import (
     turns_too_fast,
 )
 from schuler.navigation.preparation.drive_screening import screen_drive
+from schuler.navigation.preparation.felt_lag import find_felt_lag
 from schuler.navigation.preparation.gaps import DriveCondition, align_segments, split_at_gaps
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.navigation.preparation.standing import judge_standing
 from schuler.navigation.run import run
 from schuler.navigation.settings import (
     NavigationOptions,
@@ -49,6 +51,12 @@ from schuler.navigation.tuning.likelihood import enough_for_offsets, find_time_o
 from schuler.navigation.tuning.tune import tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.screening.screen import Finding
+
+# seconds around the first guess within which a time offset is looked for: where nothing tells it,
+# and where accelerations do
+UNKNOWN_OFFSET, FELT_OFFSET = 1.0, 0.3
+ALIGNED_WITHIN = 0.1
+"""Change of the offset (s) that needs no other alignment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +130,12 @@ def prepare_drive(
         interval=float(np.median(np.diff(imu.time))),
     )
     segments, bridged = split_at_gaps(imu, condition.gaps)
-    start = _Start(gnss, settings, segments, replace(condition, gaps=bridged))
+    felt = (
+        find_felt_lag(max(segments, key=lambda part: part.duration), gnss)
+        if settings.estimates_offset
+        else None
+    )
+    start = _Start(gnss, settings, segments, replace(condition, gaps=bridged), felt)
     tuned = noise_model is None if settings.tune_noise is None else settings.tune_noise
     say("aligning")
     prepared = start.first(base, imu)
@@ -145,6 +158,7 @@ class _Start:
     settings: NavigationSettings
     segments: list[ImuRecording]
     condition: DriveCondition
+    felt: float | None = None
 
     def align_one(self, imu: ImuRecording, velocity_offset: float, first: bool) -> Alignment:
         return align(
@@ -163,7 +177,7 @@ class _Start:
 
     def first(self, base: SensorErrorModel, imu: ImuRecording) -> PreparedDrive:
         """With the offsets that were given, or a first guess of them."""
-        offsets = _given_offsets(self.settings.time_offset, self.gnss)
+        offsets = _given_offsets(self.settings.time_offset, self.gnss, self.felt)
         try:
             used, alignment, condition = self.aligned(offsets.velocity)
         except NavigationError:
@@ -187,11 +201,16 @@ class _Start:
         # noise that forgives anything
         rough = NoiseFactors(white=np.full(6, 2.0)).applied(setup.model) if tuned else setup.model
         part = enough_for_offsets(prepared.imu, self.gnss, setup)
-        shift = find_time_offset(slower_imu(part), self.gnss, replace(setup, model=rough))
+        reach = UNKNOWN_OFFSET if self.felt is None else FELT_OFFSET
+        rough_setup = replace(setup, model=rough)
+        shift = find_time_offset(slower_imu(part), self.gnss, rough_setup, reach=reach)
         offsets = TimeOffsets(setup.offsets.position + shift, setup.offsets.velocity + shift)
-        imu, alignment, condition = self.aligned(offsets.velocity)
-        setup = replace(setup, offsets=offsets, alignment=alignment, condition=condition)
-        return self._fitting(PreparedDrive(imu, setup))
+        prepared = replace(prepared, setup=replace(setup, offsets=offsets))
+        if self.felt is None or abs(shift) > ALIGNED_WITHIN:
+            imu, alignment, condition = self.aligned(offsets.velocity)
+            again = replace(prepared.setup, alignment=alignment, condition=condition)
+            prepared = PreparedDrive(imu, again)
+        return self._fitting(prepared)
 
     def _fitting(self, prepared: PreparedDrive) -> PreparedDrive:
         condition = _require_fit(prepared.imu, self.gnss, prepared.setup, self.align_one)
@@ -217,6 +236,7 @@ def _tuned(
         model=with_vehicle_states(setup.model, settings.constraints),
         offsets=found.setup.offsets,
         vehicle=aided.vehicle,
+        condition=aided.condition,
     )
     known = {name: v for name, v in found.values.items() if "offset" not in name}
     both = tune(imu, gnss, once_more, noise=noise, offsets=False, fixed=known, progress=say)
@@ -298,11 +318,21 @@ def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSe
     constraints, mounting = setup.settings.constraints, setup.settings.mounting
     if not constraints:
         return setup
+    say("looking at the vehicle without its constraints")
+    zupt = "zupt" in constraints
+    plain = run(imu, gnss, setup, smooth=zupt)
+    standing = None
+    if zupt and plain.smoothed is not None:
+        standing, finding = judge_standing(imu, plain.smoothed)
+        if finding is not None:
+            told = (*setup.condition.findings, finding)
+            setup = replace(setup, condition=replace(setup.condition, findings=told))
     if "nhc" not in constraints:
-        return replace(setup, vehicle=VehicleConstraint(constraints, np.eye(3), -1))
+        return replace(
+            setup, vehicle=VehicleConstraint(constraints, np.eye(3), -1, standing=standing)
+        )
     if mounting is None:
-        say("looking for the mounting of the IMU in the vehicle")
-        found = estimate_mounting(run(imu, gnss, setup).causal.trajectory)
+        found = estimate_mounting(plain.causal.trajectory)
         if found is None:
             raise NavigationError(
                 "the drive does not tell how the IMU is mounted in the vehicle",
@@ -311,7 +341,9 @@ def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSe
                 where=imu.name,
             )
         mounting = found.rotation
-    vehicle = VehicleConstraint(constraints, np.asarray(mounting), setup.model.size)
+    vehicle = VehicleConstraint(
+        constraints, np.asarray(mounting), setup.model.size, standing=standing
+    )
     return replace(setup, model=with_vehicle_states(setup.model, constraints), vehicle=vehicle)
 
 
@@ -328,6 +360,7 @@ def _check_inputs(imu: ImuRecording, gnss: GnssRecording) -> None:
                 expected="a sensor that is connected",
                 cure="check the columns of the file",
             )
+    require_possible(gnss)
     require_overlap(gnss, float(imu.time[0]), float(imu.time[-1]))
 
 
@@ -346,10 +379,11 @@ def _from_first_fix(imu: ImuRecording, gnss: GnssRecording) -> ImuRecording:
     return cut
 
 
-def _given_offsets(time_offset: TimeOffset, gnss: GnssRecording) -> TimeOffsets:
+def _given_offsets(time_offset: TimeOffset, gnss: GnssRecording, felt: float | None) -> TimeOffsets:
     if isinstance(time_offset, str):
         # a velocity that lags was true earlier than its stamp says
-        return TimeOffsets(0.0, -velocity_lag(gnss))
+        lag = velocity_lag(gnss)
+        return TimeOffsets(0.0, -lag) if felt is None else TimeOffsets(felt + lag, felt)
     if isinstance(time_offset, tuple):
         return TimeOffsets(float(time_offset[0]), float(time_offset[1]))
     return TimeOffsets(float(time_offset), float(time_offset))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.earth import ned_from_geodetic
 from schuler.types import FloatArray
 
 # a vehicle at rest shows less than this in one-second means, engine running or not
@@ -13,6 +14,8 @@ REST_ACCEL = 0.15
 REST_GYRO = np.radians(0.7)
 REST_SPEED = 0.3
 SHORTEST_REST = 2.0
+# fixes that are so much further apart (standard deviations and m) and as fast (m/s) went there
+WANDER, SHORTEST_WAY, CREEPING = 3.0, 1.0, 0.1
 # vehicles on their way shake an IMU: one that feels less than this in a second (standard
 # deviations), and less than this share of what it usually feels, stands whatever GNSS says
 STILL_ACCEL = 0.1
@@ -40,9 +43,28 @@ def find_initial_rest(imu: ImuRecording, gnss: GnssRecording) -> tuple[float, fl
             # half a second for the filters and delays of receivers
             quiet &= ends < moving[0] - 0.5
     stop = count if quiet.all() else int(np.argmin(quiet))
+    begin = float(imu.time[0])
+    while stop >= SHORTEST_REST and _went_away(gnss, begin, float(ends[stop - 1])):
+        stop = int(0.6 * stop)
     if stop < SHORTEST_REST:
         return None
-    return float(imu.time[0]), float(ends[stop - 1])
+    return begin, float(ends[stop - 1])
+
+
+def _went_away(gnss: GnssRecording, begin: float, end: float) -> bool:
+    """Whether fixes of a time at rest end where they did not begin: slow and steady creeping."""
+    inside = np.flatnonzero((gnss.time >= begin) & (gnss.time <= end))
+    if inside.size < 6:
+        return False
+    third = inside.size // 3
+    local = ned_from_geodetic(gnss.position[inside], gnss.position[inside[0]])[:, :2]
+    away = np.linalg.norm(local[-third:].mean(axis=0) - local[:third].mean(axis=0))
+    sd = 1.0
+    if gnss.position_sd is not None:
+        claimed = gnss.position_sd[inside][:, :2]
+        sd = float(np.max(np.where(np.isfinite(claimed), claimed, 1.0)))
+    seconds = float(gnss.time[inside[-third:]].mean() - gnss.time[inside[:third]].mean())
+    return bool(away > WANDER * sd + SHORTEST_WAY and away > CREEPING * seconds)
 
 
 def _still(imu: ImuRecording, count: int, block: int) -> NDArray[np.bool_]:
@@ -54,11 +76,11 @@ def _still(imu: ImuRecording, count: int, block: int) -> NDArray[np.bool_]:
     return still
 
 
-def moves(gnss: GnssRecording) -> NDArray[np.bool_]:
+def moves(gnss: GnssRecording, least: float = REST_SPEED) -> NDArray[np.bool_]:
     """Epochs at which GNSS is sure to move: this one and the next are clear of their noise."""
     assert gnss.velocity is not None
     speed = np.linalg.norm(gnss.velocity[:, :2], axis=1)
-    threshold = np.full(gnss.size, REST_SPEED)
+    threshold = np.full(gnss.size, least)
     if gnss.velocity_sd is not None:
         sd = gnss.velocity_sd[:, :2].max(axis=1)
         threshold = np.maximum(threshold, np.where(np.isfinite(sd), 4.0 * sd, 0.0))
