@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.job import Result, working
-from schuler.cli.loading import load_imu
+from schuler.cli.options.error_models import built
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,9 +28,6 @@ def compare(
 ) -> ErrorModelComparison:
     """Run the models that were asked for."""
     from schuler.evaluation.error_model_comparison import compare_error_models
-    from schuler.navigation.error_models.allan_readings import readings_of_static
-    from schuler.navigation.error_models.sources import error_models
-    from schuler.screening.screen import screen
 
     if "measurements" in keywords:
         raise InputError(
@@ -41,23 +38,9 @@ def compare(
         raise InputError(
             "--tune-noise with --models", expected="one of them: tuning would change every model"
         )
-    static = None
-    if options.static is not None:
-        static = load_imu(options.static, {})
-        screen(static).require_usable()
     with working("Error models") as shown:
         shown.say("finding their parameters")
-        models = error_models(
-            options.names,
-            noise_model=noise,
-            static=static,
-            rate=imu.rate,
-            denoising=options.denoising,
-        )
-        base = noise
-        if base is None:
-            assert static is not None
-            base = readings_of_static(static)[0]
+        models, base = built(options.names, noise, options.static, options.denoising, imu.rate)
         return compare_error_models(
             imu, gnss, models, base=base, smooth=True, progress=shown.say, **keywords
         )

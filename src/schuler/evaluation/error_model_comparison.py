@@ -28,7 +28,7 @@ from schuler.evaluation.paired import PERCENTAGES, PairedStatistics, paired_stat
 from schuler.navigation.error_models.catalogue import ErrorModel
 from schuler.navigation.navigate import withhold
 from schuler.navigation.preparation.prepare import PreparedDrive, prepare_drive
-from schuler.navigation.run import run
+from schuler.navigation.run import run_error_model
 from schuler.navigation.settings import NavigationOptions, navigation_settings
 from schuler.navigation.threads import in_threads
 from schuler.noise.noise_model import NoiseModel
@@ -225,8 +225,7 @@ def compare_error_models(
         for model in models:
             if progress is not None:
                 progress(f"{label}: {model.name}")
-            own = _same_span(measured[model.name], prepared.imu)
-            found.add(model, own, prepared, gnss, groups[number], smooth)
+            found.add(model, measured[model.name], prepared, gnss, groups[number], smooth)
         return found
 
     runs = in_threads(one, range(len(groups)))
@@ -274,22 +273,14 @@ class _ComparedRun:
         smooth: bool,
     ) -> None:
         """Run the filter with one error model, and judge it."""
-        told = prepared.setup.settings
-        interval = 1.0 / prepared.imu.rate
-        sensors = model.sensor_model(told.turn_on_accel, told.turn_on_gyro, interval)
-        setup = prepared.setup.with_sensors(sensors)
-        scale = model.white_scale(prepared.imu)
-        done = run(
-            imu,
-            withhold(gnss, group),
-            setup,
-            smooth=smooth,
-            white_scale=None if scale is None else scale[: imu.size],
+        setup = prepared.setup
+        done = run_error_model(
+            model, imu, prepared.imu, withhold(gnss, group), setup, smooth=smooth
         )
         self.nis[model.name] = done.causal.innovations.gnss.mean_nis
-        self.windows[model.name, False] = judge_run(done.causal, gnss, setup, group)
+        self.windows[model.name, False] = judge_run(done.causal, gnss, done.setup, group)
         if done.smoothed is not None:
-            self.windows[model.name, True] = judge_run(done.smoothed, gnss, setup, group)
+            self.windows[model.name, True] = judge_run(done.smoothed, gnss, done.setup, group)
         for track, window in zip(self.tracks, self.windows[model.name, False], strict=True):
             add_track(track, model.name, window, gnss)
 
@@ -315,13 +306,6 @@ def add_track(
         track["reference"] = ned_from_geodetic(part, part[0])[:, 1::-1]
         track["time"] = window.time - window.start_s
     track[name] = track["reference"] + window.error_ned[:, 1::-1]
-
-
-def _same_span(imu: ImuRecording, cut: ImuRecording) -> ImuRecording:
-    """Cut a de-noised recording as preparation has cut the raw one."""
-    if imu.time[0] == cut.time[0]:
-        return imu
-    return imu.between(float(cut.time[0]), np.inf)
 
 
 def group_by_model(

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
+from schuler.navigation.error_models.catalogue import ErrorModel
 from schuler.navigation.error_models.sensor_error_model import generic_noise_model
 from schuler.navigation.preparation.prepare import prepare_drive
-from schuler.navigation.run import run
+from schuler.navigation.run import run, run_error_model
 from schuler.navigation.settings import NavigationOptions, Progress, navigation_settings
 from schuler.noise.effects import compensated
 from schuler.noise.noise_model import NoiseModel
@@ -46,6 +47,7 @@ def navigate(
     outages: Sequence[tuple[float, float]] = (),
     smooth: bool | Literal["fixed-lag"] = False,
     lag: float = 5.0,
+    error_model: ErrorModel | None = None,
     progress: Progress | None = None,
     **options: Unpack[NavigationOptions],
 ) -> NavigationSolution:
@@ -68,6 +70,10 @@ def navigate(
         by what is measured up to `lag` after each moment ("fixed-lag").
     lag : float
         Of fixed-lag smoothing, s.
+    error_model : ErrorModel or None
+        What the filter is told of its sensor in place of the noise model, from `error_model` or
+        `error_models` ("15AV", "flicker4", ...); alignment and time offsets come from the noise
+        model.
     progress : callable or None
         Called with a line of text now and then.
     lever_arm : (3,) array_like, default (0, 0, 0)
@@ -129,8 +135,12 @@ def navigate(
     prepared = prepare_drive(imu, used, noise_model, settings, progress)
     if progress is not None:
         progress("filtering")
-    late = lag if smooth == "fixed-lag" else None
-    done = run(prepared.imu, used, prepared.setup, smooth=smooth is True, lag=late)
+    how: dict[str, Any] = {"smooth": smooth is True, "lag": lag if smooth == "fixed-lag" else None}
+    if error_model is None:
+        done = run(prepared.imu, used, prepared.setup, **how)
+    else:
+        measured = error_model.measured(imu)
+        done = run_error_model(error_model, measured, prepared.imu, used, prepared.setup, **how)
     solution = done.smoothed or done.lagged or done.causal
     solution.settings["outages"] = [list(w) for w in outages]
     solution.settings["noise_model"] = (noise_model or generic_noise_model()).source

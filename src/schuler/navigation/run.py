@@ -25,6 +25,7 @@ from schuler.navigation.aiding.schedule import (
 )
 from schuler.navigation.aiding.wheel import find_wheel_speeds
 from schuler.navigation.engine import FilterRun, SampleOutputs, gate_thresholds
+from schuler.navigation.error_models.catalogue import ErrorModel
 from schuler.navigation.lagged import smooth_run_with_lag
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.setup import RunSetup
@@ -57,6 +58,34 @@ class NavigationRun:
     setup: RunSetup
     filter: FilterRun
     lagged: NavigationSolution | None = None
+
+
+def run_error_model(
+    model: ErrorModel,
+    measured: ImuRecording,
+    prepared: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    *,
+    smooth: bool = False,
+    lag: float | None = None,
+) -> NavigationRun:
+    """Run with an error model of the catalogue, on a drive that was prepared with another.
+
+    `measured` is the whole recording as the model wants it; what preparation cut off is cut off.
+    """
+    if measured.time[0] != prepared.time[0]:
+        measured = measured.between(float(prepared.time[0]), np.inf)
+    imu = prepared if model.denoising is None else measured
+    told = setup.settings
+    sensors = model.sensor_model(told.turn_on_accel, told.turn_on_gyro, 1.0 / prepared.rate)
+    scale = model.white_scale(prepared)
+    scale = None if scale is None else scale[: imu.size]
+    done = run(imu, gnss, setup.with_sensors(sensors), smooth=smooth, lag=lag, white_scale=scale)
+    for solution in (done.causal, done.smoothed, done.lagged):
+        if solution is not None:
+            solution.settings["error_model"] = model.to_dict()
+    return done
 
 
 def run(

@@ -1,4 +1,4 @@
-"""`schuler outages --models ...`: several error models through the same outages."""
+"""Error models by name: several side by side (`outages --models`), or one (`navigate --model`)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from cyclopts import Parameter
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
-    pass
-
-MOST_ROWS = 12
+    from schuler.data.imu import ImuRecording
+    from schuler.navigation.error_models.catalogue import ErrorModel
+    from schuler.noise.noise_model import NoiseModel
 
 
 @Parameter(name="*")
@@ -52,3 +52,67 @@ class ModelOptions:
         if not whole or len(set(whole)) != len(whole):
             raise InputError(f"--models {self.models}", expected="names, each once")
         return tuple(whole)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class OneModel:
+    """What the filter is told of its sensor.
+
+    Parameters
+    ----------
+    model : str, optional
+        One error model in place of the noise model as it is: 15AV, 18AV, 18AVWD, 15AR, 27AR
+        (Quinchia et al. 2013), flicker4, own; with +corrected, +turn-on, +scale, +misalignment,
+        +averaged, +garch behind it.
+    static : Path, optional
+        The same sensor at rest, at the rate of the drive: gives the noise where no --noise is
+        given, and what AR models are fitted to.
+    denoising : str
+        For 18AVWD: off-line, which looks ahead, or causal, which answers late.
+    """
+
+    model: str | None = None
+    static: Path | None = None
+    denoising: Literal["off-line", "causal"] = "off-line"
+
+    def found(
+        self, noise: NoiseModel | None, rate: float
+    ) -> tuple[ErrorModel | None, NoiseModel | None]:
+        """Return the error model, and the noise model that alignment uses."""
+        if self.model is None:
+            if self.static is not None:
+                raise InputError("--static without --model", expected="both")
+            return None, noise
+        if "," in self.model:
+            raise InputError(
+                f"--model {self.model}",
+                expected="one error model",
+                cure="`schuler outages --models` compares several",
+            )
+        models, base = built((self.model,), noise, self.static, self.denoising, rate)
+        return models[0], base
+
+
+def built(
+    names: tuple[str, ...],
+    noise: NoiseModel | None,
+    static: Path | None,
+    denoising: Literal["off-line", "causal"],
+    rate: float,
+) -> tuple[tuple[ErrorModel, ...], NoiseModel]:
+    """Return the models, and the noise model to prepare a drive with."""
+    from schuler.cli.loading import load_imu
+    from schuler.navigation.error_models.allan_readings import readings_of_static
+    from schuler.navigation.error_models.sources import error_models
+    from schuler.screening.screen import screen
+
+    at_rest: ImuRecording | None = None
+    if static is not None:
+        at_rest = load_imu(static, {})
+        screen(at_rest).require_usable()
+    models = error_models(names, noise_model=noise, static=at_rest, rate=rate, denoising=denoising)
+    if noise is None:
+        assert at_rest is not None
+        noise = readings_of_static(at_rest)[0]
+    return models, noise

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
 
+from schuler.cli.console import say
 from schuler.cli.job import Job, Result, working
 from schuler.cli.loading import load_array_drive, load_drive, load_noise
 from schuler.cli.options.arrays import ArrayOptions
+from schuler.cli.options.error_models import OneModel
 from schuler.cli.options.files import Run, Written
 from schuler.cli.options.outages import parse_windows
 from schuler.cli.options.reading import DriveReading
@@ -59,6 +61,7 @@ def navigate(
     several: ArrayOptions = ArrayOptions(),
     known: RunOptions = RunOptions(),
     sensors: SensorOptions = SensorOptions(),
+    told: OneModel = OneModel(),
     reading: DriveReading = DriveReading(),
 ) -> int:
     """Compute position, velocity and attitude of a drive, with their uncertainty.
@@ -73,12 +76,14 @@ def navigate(
 
     files = several.files(run.imu)
     sensors.check()
-    inputs = (*files, reading.calibration, run.gnss, run.noise, *sensors.files)
+    inputs = (*files, reading.calibration, run.gnss, run.noise, told.static, *sensors.files)
     job = Job(written, answer.out, inputs=inputs)
     if answer.out is not None:
         check_trajectory_name(answer.out)
     if run.imu is not None:
-        return job.finish(_single(run.imu, run, answer, known, sensors, reading))
+        return job.finish(_single(run.imu, run, answer, known, sensors, told, reading))
+    if told.model is not None:
+        raise InputError("--model with --array", expected="one IMU (--imu)")
     _require_for_arrays(several, answer, known, sensors)
     return job.finish(_array(run, answer, several, known, sensors, reading))
 
@@ -89,21 +94,30 @@ def _single(
     answer: Answer,
     known: RunOptions,
     sensors: SensorOptions,
+    told: OneModel,
     reading: DriveReading,
 ) -> Result:
     """Navigate with one IMU."""
     from schuler.navigation.preparation.prepare import prepare
     from schuler.navigation.run import run as navigate_run
+    from schuler.navigation.run import run_error_model
     from schuler.report import NavigationResults
 
     keywords = known.keywords()
     recording, fixes = load_drive(imu, run.gnss, reading)
     keywords = sensors.keywords(keywords, recording.time, repair=reading.repair)
-    model = load_noise(run.noise)
     with working("Navigating") as shown:
+        chosen, model = told.found(load_noise(run.noise), recording.rate)
         cut, setup = prepare(recording, fixes, model, progress=shown.say, **keywords)
         shown.say("smoothing" if answer.smooth else "filtering")
-        done = navigate_run(cut, fixes, setup, smooth=answer.smooth, lag=answer.lag)
+        how: dict[str, Any] = {"smooth": answer.smooth, "lag": answer.lag}
+        if chosen is None:
+            done = navigate_run(cut, fixes, setup, **how)
+        else:
+            for note in chosen.cautions:
+                say(f"{chosen.name}: {note}")
+            seen = chosen.measured(recording)
+            done = run_error_model(chosen, seen, cut, fixes, setup, **how)
     results = NavigationResults(done.causal, done.smoothed or done.lagged, fixes)
     return navigation_result(results, f"Navigation of {title_of(imu)}", answer.out)
 

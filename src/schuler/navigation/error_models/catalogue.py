@@ -140,6 +140,14 @@ class ErrorModel:
         """Number of states of the filter, position, velocity and attitude included."""
         return 9 + self.sensor_model(0.0, 0.0).size
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What to know before use: the notes, and a constant at switch-on that no state holds."""
+        if self.hold_constants:
+            return self.notes
+        lacking = "no state holds the constant that a sensor has at switch-on: +turn-on adds one"
+        return (*self.notes, lacking)
+
     def measured(self, imu: ImuRecording) -> ImuRecording:
         """Return the recording that this model's filter works on.
 
