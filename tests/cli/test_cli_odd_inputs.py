@@ -49,3 +49,20 @@ def test_a_rate_that_cannot_be_is_one_line(tmp_path, call, option, value):
     done = call("simulate", tmp_path / "x", "--duration", "120", f"{option}={value}")
     assert done.code == 2
     assert "a rate of" in done.one_line()
+
+
+def test_a_log_that_was_moved_for_a_moment_says_so_first(tmp_path, call):
+    rng = np.random.default_rng(4)
+    n = 12_000
+    gyro = 1e-3 * rng.normal(size=(n, 3))
+    force = 0.01 * rng.normal(size=(n, 3)) - (0.0, 0.0, 9.81)
+    swing = np.sin(np.arange(400) * 0.1)[:, None]
+    gyro[6000:6400] += swing
+    force[6000:6400] += 3.0 * swing
+    ImuRecording(np.arange(n) / 50.0, gyro, force).to_parquet(tmp_path / "m.parquet")
+    done = call("characterize", tmp_path / "m.parquet")
+    first = next(line for line in done.out.splitlines() if line.startswith("!"))
+    assert "the sensor was moved from 120" in first
+    assert "--repair" in first
+    mended = call("characterize", tmp_path / "m.parquet", "--repair")
+    assert "the sensor was moved from" not in mended.out

@@ -260,3 +260,13 @@ def test_where_every_sample_is_an_outlier_the_answer_says_so() -> None:
     found = schuler.identify(x, 100.0)
     assert "outliers" in found.flags[0] or "outlier" in found.flags[0]
     assert all(math.isfinite(v) for v in found.parameters.values())
+
+
+def test_what_was_taken_off_is_said_in_units_of_the_sensor() -> None:
+    x, celsius, rate = warmed(23, 20.0)
+    t = np.arange(x.size) / rate
+    x = x + 2000.0 * PER_HOUR * np.sin(2.0 * math.pi * 0.3 * t)
+    found = schuler.characterize_imu(recording(x, rate, temperature=celsius))
+    said = [line for line in found.findings if line.startswith("gyro_x: ")]
+    assert any("deg/h per K, which was taken off" in line for line in said)
+    assert any("0.3 Hz" in line and "deg/s was taken out" in line for line in said)

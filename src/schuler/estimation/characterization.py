@@ -12,10 +12,13 @@ from schuler.data.exportable import Exportable
 from schuler.data.imu import ImuRecording
 from schuler.errors import EstimationError, SchulerError
 from schuler.estimation.allan_route import identify_signal
+from schuler.estimation.disturbances.lines import Line
+from schuler.estimation.disturbances.prepare import followed, taken_out
 from schuler.estimation.identification import Identification
 from schuler.estimation.ieee952 import classical_reading, ieee952_to_dict
 from schuler.estimation.record import spell_duration
 from schuler.noise import NoiseModel, Process
+from schuler.noise.effects import Effect
 from schuler.types import FloatArray
 from schuler.units import format_value
 
@@ -185,9 +188,37 @@ def _flags(channels: Mapping[str, Identification]) -> list[str]:
     """What was done to the signals, channels of the same flag together."""
     said: dict[str, list[str]] = {}
     for channel, found in channels.items():
+        sensor = channel.split("_")[0]
+        spoken = {followed(e): followed(e, _size(e, sensor)) for e in found.effects}
+        spoken |= {taken_out(a): taken_out(a, _amplitude(a, sensor)) for a in found.lines}
         for flag in found.flags:
-            said.setdefault(flag, []).append(channel)
+            said.setdefault(spoken.get(flag, flag), []).append(channel)
     return [f"{_join(names)}: {flag}" for flag, names in said.items()]
+
+
+def _size(effect: Effect, sensor: str) -> str:
+    """Size of an effect in the unit of the sensor's bias instability."""
+    unit = "K" if effect.column == "temperature" else "unit"
+    per = {"square": f"{unit}²", "rate": f"{unit}/s"}.get(effect.term, unit)
+    return (
+        _with_error(effect.coefficient, effect.standard_error, f"{sensor} bias instability")
+        + f" per {per}"
+    )
+
+
+def _amplitude(line: Line, sensor: str) -> str:
+    """Amplitude of a line in the unit of the sensor's bias."""
+    return _with_error(
+        line.amplitude, line.amplitude_error if line.steady else 0.0, f"{sensor} bias"
+    )
+
+
+def _with_error(value: float, error: float, kind: str) -> str:
+    size = format_value(value, kind, digits=4)
+    number, _, unit = size.partition(" ")
+    return (
+        f"{number} ± {format_value(error, kind, digits=2)}" if error > 0.0 else f"{number} {unit}"
+    )
 
 
 def _crossing(channel: str, found: Identification) -> str | None:

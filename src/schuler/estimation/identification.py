@@ -132,7 +132,9 @@ class Identification(Exportable):
         """Structures nearly as good as the chosen one, and by how much they are worse."""
         tried = self.diagnostics.candidates
         best = min(tried.values(), default=0.0)
-        own = " + ".join(p.kind for p in self.process.parts)
+        # lines were taken out before structures were compared
+        compared = [p.kind for p in self.process.parts if not (self.lines and p.kind == "sinusoid")]
+        own = " + ".join(compared)
         return {s: c - best for s, c in tried.items() if c - best < CLOSE and s != own}
 
     def to_dict(self) -> dict[str, Any]:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 MOST_FINDINGS = 8
 SHORTEST = 5.0
+_HANDLED = 5.0
+"""Seconds beyond which a disturbance is no knock but motion."""
 """Seconds below which nothing is said about motion."""
 NARROW = 110
 """Columns below which errors are written in brackets."""
@@ -195,12 +197,25 @@ def _moved(screening: Screening) -> str:
     )
 
 
+def _handled(screening: Screening) -> str:
+    """Say that a log of a sensor at rest holds a time in which it was moved about."""
+    knocks = [i for f in screening.of_kind("knock") for i in f.intervals]
+    start, stop = max(knocks, key=lambda i: i[1] - i[0], default=(0.0, 0.0))
+    if stop - start < _HANDLED:
+        return ""
+    return (
+        f"the sensor was moved from {start:.1f} to {stop:.1f} s; what follows holds that motion: "
+        "--repair cuts it out"
+    )
+
+
 def show_characterization(
     screen: Screen, result: ImuCharacterization, screening: Screening, *, repaired: bool
 ) -> None:
     """Print the noise model and what to think of it."""
     moved = not screening.static and screening.duration > SHORTEST
-    _show_noise(screen, result, _moved(screening) if moved else "")
+    warning = _moved(screening) if moved else _handled(screening)
+    _show_noise(screen, result, "" if repaired and not moved else warning)
     serious = [(f.severity, f.message) for f in screening.findings if f.severity != "info"]
     screen.findings(serious, most=MOST_FINDINGS)
     if screening.disturbed and not repaired:

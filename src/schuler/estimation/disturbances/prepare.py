@@ -72,19 +72,10 @@ class Prepared:
                 f"outliers: {self.contamination.words}; fitted by robust wavelet moments "
                 "(gmwm-robust), which hold them back"
             )
-        said += [
-            f"{line.words} of amplitude {line.amplitude:.4g} "
-            f"{'± ' + format(line.amplitude_error, '.2g') + ' ' if line.steady else ''}"
-            "was taken out before the fit"
-            for line in self.lines
-        ]
+        said += [taken_out(line) for line in self.lines]
         if self.filled:
             said.append("its band was filled with noise: do not believe a quantisation term")
-        said += [
-            f"it follows the {e.words} by {e.coefficient:.4g} ± {e.standard_error:.2g} (SI), which "
-            "was taken off before the fit"
-            for e in self.effects
-        ]
+        said += [followed(e) for e in self.effects]
         return (*said, *self.notes)
 
     def believed(self, process: ProcessSum, model: str | Process) -> ProcessSum | None:
@@ -113,6 +104,19 @@ class Prepared:
             errors[f"{name}.amplitude"] = line.amplitude_error
             errors[f"{name}.frequency"] = line.frequency_error
         return sum_, numbers, errors
+
+
+def followed(effect: Effect, size: str = "") -> str:
+    """Say what followed a column; in SI unless its size is given in other words."""
+    size = size or f"{effect.coefficient:.4g} ± {effect.standard_error:.2g} (SI)"
+    return f"it follows the {effect.words} by {size}, which was taken off before the fit"
+
+
+def taken_out(line: Line, size: str = "") -> str:
+    """Say that a line was taken out; in SI unless its size is given in other words."""
+    error = f" ± {line.amplitude_error:.2g}" if line.steady else ""
+    size = size or f"{line.amplitude:.4g}{error}"
+    return f"{line.words} of amplitude {size} was taken out before the fit"
 
 
 def has_lines(model: str | Process) -> bool:
