@@ -117,6 +117,37 @@ def test_a_gyro_that_recovers_is_used_again_and_a_healthy_array_is_left_alone() 
     assert healthy.table.constant and healthy.faults.taken_out == ()
 
 
+@pytest.mark.parametrize(("second", "sign"), [(0.0, -1.0), (0.0, 1.0), (20.0, 1.0)])
+def test_two_units_of_four_are_named_at_once_and_in_turn(second: float, sign: float) -> None:
+    array, gnss, _ = ride()
+    gyro = array.gyro.copy()
+    gyro[array.time >= BEGIN, 3] += 2.0 * DEGREE
+    gyro[array.time >= BEGIN + second, 2] += sign * 2.0 * DEGREE
+    found = prepare_array(replace(array, gyro=gyro), gnss, noise(), TOLD).faults
+    starts = {a.record.name: a.record.start for a in found.taken_out}
+    assert starts.keys() == {"imu 3", "imu 4"} and not found.contradictions
+    assert BEGIN < starts["imu 4"] < BEGIN + 0.5
+    assert BEGIN + second < starts["imu 3"] < BEGIN + second + 0.5
+
+
+def test_a_large_step_of_one_gyro_is_no_turn_of_its_unit() -> None:
+    array, gnss, _ = ride()
+    found = prepare_array(hurt(array, 10.0 * DEGREE), gnss, noise(), TOLD).faults
+    (absence,) = found.taken_out
+    assert absence.record.name == "imu 4 x" and found.notes == ()
+
+
+def test_two_imus_contradict_each_other_and_neither_is_taken_out() -> None:
+    array, gnss, _ = ride()
+    gyro = array.gyro.copy()
+    gyro[array.time >= BEGIN, 1] += 2.0 * DEGREE
+    two = replace(array, gyro=gyro).select([0, 1])
+    done = navigate_array(two, gnss, noise(), time_offset=0.0, tune_noise=False)
+    told = done.solution.settings["sensor_faults"]
+    assert told["taken_out"] == [] and len(told["contradictions"]) == 1
+    assert any("contradict" in f["message"] for f in done.solution.settings["findings"])
+
+
 def test_a_silent_imu_is_out_and_in_again_and_moves_nothing() -> None:
     array, gnss, truth = ride()
     gyro, accel = array.gyro.copy(), array.accel.copy()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -51,6 +51,8 @@ class FaultSettings:
         The same for accelerometers, where they are larger.
     arm_uncertainty : float
         Of the lever arms, m: rotation makes forces of them.
+    accel_clip : float or None
+        Deviations at which samples of accelerometers are clipped, if not as those of the gyros.
     online : OnlineSettings
         Of weights and biases.
 
@@ -76,6 +78,7 @@ class FaultSettings:
     accel_scale_uncertainty: float = 0.0
     accel_delay_uncertainty: float = 0.0
     arm_uncertainty: float = 0.0
+    accel_clip: float | None = None
     online: OnlineSettings = field(default_factory=OnlineSettings)
 
     def __post_init__(self) -> None:
@@ -97,6 +100,12 @@ class FaultSettings:
                 expected="rates, deviations and time constants above zero, and at least one "
                 "time constant",
             )
+
+    def online_of(self, sensor: Sensor) -> OnlineSettings:
+        """Return the settings of weights and biases of one kind of sensor."""
+        if sensor == "gyro" or self.accel_clip is None:
+            return self.online
+        return replace(self.online, clip=self.accel_clip)
 
     def watch(self, sensors: RedundantSensors) -> Watch:
         """Return the thresholds for some sensors.

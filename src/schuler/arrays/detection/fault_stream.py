@@ -52,7 +52,7 @@ class FaultStream:
         self._redundancy = Redundancy.of(
             self._axes,
             of.units,
-            tuning_of_stream(learnt, settings.online, watch),
+            tuning_of_stream(learnt, settings.online_of(of.sensor), watch),
             self._memory,
             outputs_of_block(self.size, of.count, len(watch.time_constants)),
         )

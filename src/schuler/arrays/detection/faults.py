@@ -211,7 +211,7 @@ def detect_faults(
         followed = follow_sensors(
             sensors,
             None if noise is None else noise.of(sensors),
-            how.online,
+            how.online_of(kind),
             how.watch(sensors),
             tensor=tensor,
             extra=_motion_extra(sensors, how, rate),

@@ -219,10 +219,13 @@ def _white_share(values: FloatArray, length: int) -> float:
 
 def _ruled_by_motion(array: ImuArray) -> bool:
     """Whether gyros differ by turns or scales that a calibration would take away."""
+    share = float(proportional_errors(array).max())
     axes = check_axes(array)
     for turn, deviation in zip(axes.turn, axes.turn_sd, strict=True):
         angle = np.linalg.norm(rotation_vector_from_dcm(np.nan_to_num(turn, nan=0.0)))
-        if np.isfinite(turn).all() and angle > max(LARGEST_TURN, DEVIATIONS * deviation):
+        large = np.isfinite(turn).all() and angle > max(LARGEST_TURN, DEVIATIONS * deviation)
+        # an offset turns the mean rate as well, but does not follow its changes
+        if large and share > 0.5 * LARGEST_TURN:
             return True
     found = motion_errors(array).get("gyro")
     if found is None:
@@ -230,5 +233,5 @@ def _ruled_by_motion(array: ImuArray) -> bool:
     speed = np.linalg.norm(mean_of_present(array.in_body().gyro), axis=1)
     lively = float(np.nanquantile(speed, 0.9))
     # the spread over all units, and one unit that is out of scale by itself
-    scale = max(found.scale, float(proportional_errors(array).max()))
+    scale = max(found.scale, share)
     return scale > LARGEST_SCALE and scale * lively > RULED * found.floor

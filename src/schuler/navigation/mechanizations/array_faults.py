@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import combinations
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from schuler.arrays.detection.faults import SensorFaults, detect_faults
 from schuler.arrays.detection.preparation import prepare_detection
 from schuler.arrays.lever_arms import arm_coefficients, turning_tensor
 from schuler.arrays.synthesis.least_squares import least_squares
+from schuler.arrays.tracking import RECALL
 from schuler.data import ImuArray
 from schuler.errors import EstimationError, InputError
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
@@ -27,6 +29,12 @@ from schuler.types import BoolArray, FloatArray
 
 LOOK_BACK = 30.0
 """Seconds before a fault was noticed in which its onset is looked for."""
+FLEETING = 0.05
+"""Seconds that a verdict lasts at least that is not taken back at once."""
+AGREEMENT = 5.0
+"""Seconds for which two units must agree to outvote two others."""
+SHOWS, LARGEST_CLIP = 20.0, 50.0
+"""Deviations of the wander that a clipped sample may show, and of a sample at most."""
 BIAS_MEMORY = 100.0
 """Seconds over which the differences of biases are followed, if nothing else is said."""
 MARGIN = 0.2
@@ -134,7 +142,7 @@ def find_array_faults(array: ImuArray, models: Sequence[SensorErrorModel] = ()) 
     navigated with as it is, which is said. Axes that are not what the mounting says raise.
     """
     try:
-        ready = prepare_detection(array, settings_for(models))
+        ready = prepare_detection(array, settings_for(models, array.rate))
         found = detect_faults(ready.array, ready.settings, causal=False)
     except EstimationError as error:
         return ArrayFaults(notes=(f"faults of sensors were not looked for: {error}",))
@@ -147,17 +155,15 @@ def find_array_faults(array: ImuArray, models: Sequence[SensorErrorModel] = ()) 
     absences: list[Absence] = []
     turning = _turning(found.gyro)
     for sensors in found.sensors:
-        for record in sensors.records:
-            if record.kind == "inconsistent":
-                contradictions.append(record)
-            if record.kind not in ("axis", "unit") or not record.taken_out:
-                continue
-            axes = _axes(sensors, record)
-            onset = fault_onset(sensors, axes, record, turning)
+        blamed, doubts = believed(ready.array, ready.settings, sensors)
+        contradictions += doubts
+        for tested, record in blamed:
+            axes = _axes(tested, record)
+            onset = fault_onset(tested, axes, record, turning)
             taken_out.append(SensorAbsence(record, onset))
             stop = np.inf if record.stop is None else record.stop
             kind = 0 if sensors.sensor == "accel" else 1
-            absences.append(Absence(kind, _columns(array, sensors, axes), onset, stop))
+            absences.append(Absence(kind, _columns(array, tested, axes), onset, stop))
     taken_out.sort(key=lambda a: a.record.start)
     return ArrayFaults(
         tuple(taken_out),
@@ -169,11 +175,77 @@ def find_array_faults(array: ImuArray, models: Sequence[SensorErrorModel] = ()) 
     )
 
 
-def settings_for(models: Sequence[SensorErrorModel]) -> FaultSettings:
-    """Return settings by which biases that do as their models say are no faults."""
+Blamed: TypeAlias = list[tuple[SensorFaults, FaultRecord]]
+
+
+def believed(
+    array: ImuArray, settings: FaultSettings, sensors: SensorFaults
+) -> tuple[Blamed, list[FaultRecord]]:
+    """Return who is to blame, with the tests that say so, and the contradictions that are left.
+
+    What is said shortly before sensors contradict one another is not believed. Then those that
+    were out before have no vote, and the others are asked once more without them; where nobody
+    was, the only two units that agree outvote two that are both strangers.
+    """
+    lasting = [r for r in sensors.records if r.kind in ("axis", "unit") and r.taken_out]
+    lasting = [r for r in lasting if r.stop is None or r.stop - r.start > FLEETING]
+    doubts = [r for r in sensors.records if r.kind == "inconsistent"]
+    if not doubts:
+        return [(sensors, r) for r in lasting], []
+    first = min(r.start for r in doubts)
+    sure = [r for r in lasting if r.start < first - RECALL]
+    blamed: Blamed = [(sensors, r) for r in sure]
+    gone = {_unit(sensors, r) for r in sure if r.stop is None or r.stop > first}
+    rest = [i for i, name in enumerate(array.names) if name not in gone]
+    if gone and len(rest) > 2:
+        fewer = array.select(rest)
+        again = _tested(fewer, settings, sensors)
+        more, doubts = believed(fewer, settings, again)
+        return blamed + [(t, r) for t, r in more if r.start >= first - RECALL], doubts
+    if not gone and len(rest) == 4:
+        strangers = _strangers(array, settings, sensors, first)
+        one = replace(doubts[0], kind="unit", other="", stop=None)
+        if strangers:
+            return blamed + [(sensors, replace(one, name=name)) for name in strangers], []
+    return blamed, doubts
+
+
+def _unit(sensors: SensorFaults, record: FaultRecord) -> str:
+    of = sensors.followed.sensors
+    if record.kind == "unit":
+        return record.name
+    return of.unit_names[int(of.unit[of.names.index(record.name)])]
+
+
+def _tested(array: ImuArray, settings: FaultSettings, sensors: SensorFaults) -> SensorFaults:
+    found = detect_faults(array, settings, causal=False)
+    again = found.gyro if sensors.sensor == "gyro" else found.accel
+    assert again is not None
+    return again
+
+
+def _strangers(
+    array: ImuArray, settings: FaultSettings, sensors: SensorFaults, first: float
+) -> tuple[str, ...]:
+    """The two units of four that are left when only one pair agrees after a moment."""
+    agree = []
+    for pair in combinations(range(array.count), 2):
+        said = _tested(array.select(list(pair)), settings, sensors).records
+        if not any(first - RECALL < r.start < first + AGREEMENT for r in said):
+            agree.append(pair)
+    if len(agree) != 1:
+        return ()
+    return tuple(name for i, name in enumerate(array.names) if i not in agree[0])
+
+
+def settings_for(models: Sequence[SensorErrorModel], rate: float) -> FaultSettings:
+    """Return settings by which biases that do as their models say are no faults.
+
+    A fault must be able to show against that wander: samples are clipped no nearer than it needs.
+    """
     usual = FaultSettings()
     span = usual.online.bias_time_constant or BIAS_MEMORY
-    wander = np.zeros(2)
+    wander, clip = np.zeros(2), np.full(2, usual.online.clip)
     for model in models:
         drift, diffusion = model.drift[:, 0], model.diffusion[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -181,11 +253,16 @@ def settings_for(models: Sequence[SensorErrorModel]) -> FaultSettings:
         grown = np.where(drift == 0.0, diffusion * span, grown)
         for channel in range(6):
             own = float(np.sqrt(grown[model.channel == channel].sum()))
+            sample = float(model.white_density[channel]) * np.sqrt(rate)
             wander[channel // 3] = max(wander[channel // 3], own)
+            if sample > 0.0:
+                clip[channel // 3] = max(clip[channel // 3], SHOWS * own / sample)
     return replace(
         usual,
         accel_wander=max(usual.accel_wander, float(wander[0])),
         gyro_wander=max(usual.gyro_wander, float(wander[1])),
+        online=replace(usual.online, clip=min(float(clip[1]), LARGEST_CLIP)),
+        accel_clip=min(float(clip[0]), LARGEST_CLIP),
     )
 
 

@@ -318,7 +318,7 @@ def _tests(prepared: PreparedArray) -> dict[int, FaultStream]:
     """Tests that know the noise of a recording; none where it could not be judged by noise."""
     if not prepared.faults.noise_only:
         return {}
-    settings: FaultSettings = settings_for(prepared.models)
+    settings: FaultSettings = settings_for(prepared.models, prepared.array.rate)
     found: dict[int, FaultStream] = {}
     rate: FloatArray | None = None
     for kind in (1, 0):
@@ -327,7 +327,9 @@ def _tests(prepared: PreparedArray) -> dict[int, FaultStream]:
         if rate is not None and sensors.spacing > 0.0:
             tensor = turning_tensor(sensors.time, rate, causal=True)
         watch = settings.watch(sensors)
-        followed = follow_sensors(sensors, None, settings.online, watch, tensor=tensor)
+        followed = follow_sensors(
+            sensors, None, settings.online_of(sensors.sensor), watch, tensor=tensor
+        )
         rate = followed.fused if kind == 1 else rate
         found[kind] = FaultStream(followed, settings)
     return found
