@@ -20,12 +20,15 @@ from schuler.navigation.aiding.standstill import (
     detect_standstill,
     shaking,
 )
+from schuler.navigation.stepping import STANDING
 from schuler.screening.screen import Finding
 from schuler.types import FloatArray
 
 ALLOWED = (2.0 * REST_VELOCITY_SD) ** 2
 """Mean square of speed that zero velocities forgive, (m/s)²."""
 FAST = (3.0 * REST_VELOCITY_SD) ** 2
+SLOW = STANDING + 3.0
+"""Speed at which a filter without GNSS may take a vehicle for one that stands, m/s."""
 MOST_FAST = 0.03
 """Square of a speed of which no more than a few stands may be, beyond three standard deviations."""
 SURE = 2.0
@@ -69,7 +72,13 @@ def judge_standing(
     speed = smoothed.trajectory.velocity[at, :2]
     variance = smoothed.velocity_sd[at, :2] ** 2
     variance = variance.sum(axis=1)
-    excess = (speed**2).sum(axis=1) - variance
+    square = (speed**2).sum(axis=1)
+    slow = square < SLOW**2
+    if not slow.any():
+        return None, None
+    found, shaken = found.select(slow), shaken[slow]
+    variance = variance[slow]
+    excess = square[slow] - variance
     edges = np.flatnonzero(np.diff(found.time) > BEGINS_ANEW) + 1
     groups = np.split(np.arange(found.time.size), edges)
     stands = _Stands(
