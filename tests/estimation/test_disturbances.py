@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,6 +69,16 @@ def test_where_there_is_no_flicker_it_is_bounded_and_readings_keep_their_name() 
     assert entry["value"] is None
     assert 0.0 < entry["upper_limit"] < 0.7 * entry["classical_reading"]["minimum"]
     assert entry["classical_reading"]["flicker_share"] == 0.0
+
+
+def test_a_walk_that_was_missed_is_not_excluded() -> None:
+    # a longer Gauss-Markov noise stands in for the walk: slopes alone excluded less than half of it
+    case = CASES["wgk"]
+    key = zlib.crc32(repr(case).encode())
+    found = schuler.identify(case.signal(np.random.default_rng([9410006, key])), case.rate)
+    assert kinds(found) == ["white_noise", "gauss_markov"]
+    assert 1.0 < found.limits["random_walk.density"] / case.truth["K"] < 3.0
+    assert found.limits["bias_instability.level"] > 0.0
 
 
 def test_fast_gauss_markov_noise_leaves_the_white_noise_alone() -> None:

@@ -177,14 +177,22 @@ class StructureFit(FittedParts):
 
 
 def fit_structure(
-    parts: Sequence[Process], points: CurvePoints, scatter: Scatter, iterations: int = 60
+    parts: Sequence[Process],
+    points: CurvePoints,
+    scatter: Scatter,
+    iterations: int = 60,
+    beside: FloatArray | float = 0.0,
 ) -> StructureFit:
-    """Minimise the whitened misfit of the log curve over the logarithms of the parameters."""
+    """Minimise the whitened misfit of the log curve over the logarithms of the parameters.
+
+    `beside` is a variance at every point that is there as well and is not fitted.
+    """
     names = free_parameters(parts)
     target = np.log(points.variance) - scatter.bias
 
     def slopes(logs: FloatArray) -> Slopes[FloatArray]:
         total, jacobian = evaluate(parts, names, logs, points.of)
+        total = total + beside
         residual = target - np.log(total)
         white = scatter.whitener @ residual
         columns = scatter.whitener @ (jacobian / total[:, None])
@@ -222,7 +230,34 @@ def limits_of(fit: FittedParts, points: CurvePoints, scatter: Scatter) -> dict[s
         if information <= 0.0:
             continue
         square = max(float(free @ residual) / information, 0.0)
-        limits[f"{term.kind}.{term.size_name()}"] = math.sqrt(
-            square + _ONE_SIDED / math.sqrt(information)
-        )
+        limit = math.sqrt(square + _ONE_SIDED / math.sqrt(information))
+        if "gauss_markov" in fit.kinds and term.kind in ("random_walk", flicker.kind):
+            limit = _profiled(fit, points, scatter, points.of(term), limit)
+        limits[f"{term.kind}.{term.size_name()}"] = limit
     return limits
+
+
+def _profiled(
+    fit: FittedParts, points: CurvePoints, scatter: Scatter, unit: FloatArray, first: float
+) -> float:
+    """Size from `first` on at which the misfit has risen by 95 %, all other parameters following.
+
+    A Gauss-Markov noise gives way to a walk further than its slopes at the best fit let one see.
+    """
+    best = fit_structure(fit.parts, points, scatter, 30)
+
+    def refused(size: float) -> bool:
+        again = fit_structure(best.parts, points, scatter, 30, size**2 * unit)
+        return again.cost - best.cost > _ONE_SIDED**2
+
+    low = high = first
+    for _ in range(10):
+        if refused(high):
+            break
+        low, high = high, 1.5 * high
+    if low == high:
+        return first
+    for _ in range(4):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if refused(middle) else (middle, high)
+    return high
