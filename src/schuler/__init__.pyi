@@ -149,6 +149,7 @@ from .navigation.aiding.gnss import GnssErrorModel as GnssErrorModel
 from .navigation.aiding.heading import Heading as Heading
 from .navigation.aiding.magnetometer import Magnetometer as Magnetometer
 from .navigation.aiding.magnetometer import earth_field as earth_field
+from .navigation.aiding.odometer import Odometer as Odometer
 from .navigation.aiding.options import GnssWeighting as GnssWeighting
 from .navigation.aiding.options import MeasurementOptions as MeasurementOptions
 from .navigation.aiding.parity import array_error_model as array_error_model
@@ -276,6 +277,7 @@ __all__ = [
     "MethodComparison",
     "MethodIdentification",
     "ModelError",
+    "MonteCarloResult",
     "Mounting",
     "NavigationFilter",
     "NavigationSettings",
@@ -284,6 +286,7 @@ __all__ = [
     "NoiseModel",
     "NoiseTuning",
     "Observability",
+    "Odometer",
     "OnlineSettings",
     "OptimalGeometry",
     "OutageEvaluation",
@@ -380,6 +383,7 @@ __all__ = [
     "level_for_band",
     "likelihood_statistics",
     "ljung_box_test",
+    "monte_carlo",
     "motorcycle",
     "multi_step_ar",
     "navigate",

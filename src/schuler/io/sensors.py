@@ -18,7 +18,8 @@ from schuler.types import FloatArray
 
 _PRESSURE = {"pa": 1.0, "hpa": 100.0, "mbar": 100.0, "kpa": 1e3, "bar": 1e5}
 _FIELD = {"t": 1.0, "mt": 1e-3, "ut": 1e-6, "nt": 1e-9, "g": 1e-4, "gauss": 1e-4, "mgauss": 1e-7}
-_OWN_UNITS = {"pressure": _PRESSURE, "magnetic field": _FIELD}
+_COUNTS = {"": 1.0, "ticks": 1.0, "counts": 1.0}
+_OWN_UNITS = {"pressure": _PRESSURE, "magnetic field": _FIELD, "count": _COUNTS}
 _TAIL = re.compile(r"^(?P<name>.*?)(?:[\s_]*[\[(](?P<bracket>[^\])]+)[\])]\s*|_(?P<tail>[^_]+))$")
 
 _DEVIATION = r"(?:sd|std|stdev|sigma|deviation|accuracy|acc)"
@@ -77,6 +78,21 @@ MAGNETOMETERS = SensorKind(
     rf"{_MAGNETOMETER}?{_DEVIATION}",
     "time_s, mag_x_uT, mag_y_uT, mag_z_uT, sd_uT",
 )
+_ODOMETER = r"(?:wheel|vehicle|odometer|odo|ground|forward|can)?"
+ODOMETERS = SensorKind(
+    "odometer",
+    {
+        "wheels": (
+            "velocity",
+            tuple((f"speed_{s}", rf"{_ODOMETER}(?:speed|vel|velocity)(?:rear)?{s}|"
+                   rf"(?:rear)?{s}{_ODOMETER}(?:speed|vel|velocity)") for s in ("left", "right")),
+        ),
+        "speed": ("velocity", (("speed", rf"{_ODOMETER}(?:speed|velocity|vel|v)"),)),
+        "ticks": ("count", (("ticks", rf"{_ODOMETER}(?:ticks?|counts?|pulses?|encoder)"),)),
+    },
+    rf"{_ODOMETER}(?:speed)?{_DEVIATION}",
+    "time_s, speed_m_s; time_s, left_speed_m_s, right_speed_m_s; or time_s, ticks",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,7 +204,7 @@ def _plain(unit: str) -> str:
 def _scale(column: Column, kind: str, given: str | None, source: Source) -> float:
     unit = given or column.unit
     known = _OWN_UNITS.get(kind)
-    if not unit and kind != "length":
+    if not unit and kind not in ("length", "count"):
         raise InputError(
             f"column '{column.name}' does not say its unit",
             expected="a name such as " + _example(column, kind),
@@ -207,5 +223,7 @@ def _scale(column: Column, kind: str, given: str | None, source: Source) -> floa
 
 
 def _example(column: Column, kind: str) -> str:
-    ending = {"angle": "deg", "pressure": "hPa", "magnetic field": "uT"}[kind]
+    ending = {
+        "angle": "deg", "pressure": "hPa", "magnetic field": "uT", "velocity": "m_s"
+    }[kind]  # fmt: skip
     return f"{column.name}_{ending}"

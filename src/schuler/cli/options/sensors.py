@@ -13,7 +13,10 @@ from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
+    from schuler.data.gnss import GnssRecording
     from schuler.io.sensors import SensorKind, SensorSeries
+    from schuler.navigation.aiding.general import MeasurementSource
+    from schuler.navigation.aiding.odometer import Odometer
     from schuler.navigation.aiding.schedule import PlacedAiding
     from schuler.types import FloatArray
 
@@ -23,7 +26,7 @@ MICROTESLA = 1e-6
 @Parameter(name="*")
 @dataclass(frozen=True)
 class SensorOptions:
-    """Heading, barometer and magnetometer, stamped by the clock of the IMU.
+    """Heading, barometer, magnetometer and odometer, stamped by the clock of the IMU.
 
     Parameters
     ----------
@@ -57,6 +60,14 @@ class SensorOptions:
     hard_iron_sd : float
         Standard deviation of the vehicle's own constant field in each axis in uT, which is
         estimated; 0 for a magnetometer that has been calibrated.
+    odometer : Path, optional
+        Speed over ground by the wheels: columns such as time_s, speed_m_s, or left_speed_m_s and
+        right_speed_m_s, or ticks (counted from the start; GNSS tells how far one goes). Scale,
+        slip and delay are estimated.
+    odometer_sd : float
+        Standard deviation of the white noise of each speed in m/s.
+    odometer_unit : str, optional
+        Such as m/s, km/h, where the name of the column does not tell.
     """
 
     heading_file: Path | None = None
@@ -72,11 +83,14 @@ class SensorOptions:
     magnetometer_unit: str | None = None
     earth_field: str | None = None
     hard_iron_sd: float = 10.0
+    odometer: Path | None = None
+    odometer_sd: float = 0.05
+    odometer_unit: str | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
         """Files that are read."""
-        given = (self.heading_file, self.barometer, self.magnetometer)
+        given = (self.heading_file, self.barometer, self.magnetometer, self.odometer)
         return tuple(f for f in given if f is not None)
 
     def check(self) -> None:
@@ -86,6 +100,7 @@ class SensorOptions:
             (self.heading_file, "--heading-file", ("sd", "baseline", "offset_sd", "unit")),
             (self.barometer, "--barometer", ("sd", "unit")),
             (self.magnetometer, "--magnetometer", ("sd", "unit")),
+            (self.odometer, "--odometer", ("sd", "unit")),
         ):
             stem = option.removeprefix("--").removesuffix("-file")
             for name in (f"{stem}_{n}" for n in names):
@@ -101,7 +116,7 @@ class SensorOptions:
                 expected="--earth-field DECLINATION,INCLINATION,INTENSITY (deg, deg, uT), such as "
                 "4,63,48",
             )
-        for name in ("heading_sd", "barometer_sd", "magnetometer_sd"):
+        for name in ("heading_sd", "barometer_sd", "magnetometer_sd", "odometer_sd"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < float("inf"):
                 raise InputError(f"{_option(name)} {value:g}", expected="a number above zero")
@@ -112,7 +127,7 @@ class SensorOptions:
                 )
 
     def keywords(
-        self, known: dict[str, Any], time: FloatArray, *, repair: bool = False
+        self, known: dict[str, Any], time: FloatArray, gnss: GnssRecording, *, repair: bool = False
     ) -> dict[str, Any]:
         """Read the files and put their measurements beside what is known of the run."""
         if not self.files:
@@ -120,10 +135,12 @@ class SensorOptions:
         from schuler.navigation.aiding.options import PLAIN
 
         told = known.get("measurements", PLAIN)
-        return known | {"measurements": replace(told, sources=self._sources(time, repair))}
+        return known | {"measurements": replace(told, sources=self._sources(time, gnss, repair))}
 
-    def _sources(self, time: FloatArray, repair: bool) -> tuple[PlacedAiding, ...]:
-        from schuler.io.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS
+    def _sources(
+        self, time: FloatArray, gnss: GnssRecording, repair: bool
+    ) -> tuple[PlacedAiding | MeasurementSource, ...]:
+        from schuler.io.sensors import BAROMETERS, HEADINGS, MAGNETOMETERS, ODOMETERS
         from schuler.navigation.aiding.barometer import (
             Barometer,
             height_of_pressure,
@@ -132,7 +149,7 @@ class SensorOptions:
         from schuler.navigation.aiding.heading import Heading
         from schuler.navigation.aiding.magnetometer import Magnetometer, earth_field
 
-        sources: list[PlacedAiding] = []
+        sources: list[PlacedAiding | MeasurementSource] = []
         if self.heading_file is not None:
             text = "--heading-baseline X,Y,Z, such as 1,0,0"
             baseline = parse_numbers(self.heading_baseline, 3, text)
@@ -161,7 +178,33 @@ class SensorOptions:
             sd = _deviation(seen, given, self.magnetometer, "--magnetometer-sd MICROTESLA")
             iron = self.hard_iron_sd * MICROTESLA
             sources.append(Magnetometer(seen.time, seen.values, field, sd, iron))
+        if self.odometer is not None:
+            seen = _read(self.odometer, ODOMETERS, self.odometer_unit, time, repair)
+            sources.append(_odometer(seen, gnss, self.odometer, self.odometer_sd))
         return tuple(sources)
+
+
+def _odometer(seen: SensorSeries, gnss: GnssRecording, path: Path, sd: float) -> Odometer:
+    import numpy as np
+
+    from schuler.cli.console import say
+    from schuler.navigation.aiding.odometer import Odometer, odometer_checked
+
+    time, speed = seen.time, seen.values
+    if speed.ndim > 1:
+        speed = speed.mean(axis=1)
+    if seen.quantity == "ticks":
+        ahead = np.diff(speed)
+        time, speed = time[1:], np.maximum(ahead, 0.0) / np.diff(time)
+        time, speed = time[ahead >= 0.0], speed[ahead >= 0.0]
+    try:
+        counted = seen.quantity == "ticks"
+        time, speed, remarks = odometer_checked(time, speed, gnss, counts=counted)
+    except InputError as error:
+        raise error.at(str(path)) from None
+    for remark in remarks:
+        say(f"{path.name}: {remark}")
+    return Odometer(time, speed, sd)
 
 
 def _read(

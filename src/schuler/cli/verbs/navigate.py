@@ -105,7 +105,7 @@ def _single(
 
     keywords = known.keywords()
     recording, fixes = load_drive(imu, run.gnss, reading)
-    keywords = sensors.keywords(keywords, recording.time, repair=reading.repair)
+    keywords = sensors.keywords(keywords, recording.time, fixes, repair=reading.repair)
     with working("Navigating") as shown:
         chosen, model = told.found(load_noise(run.noise), recording.rate)
         cut, setup = prepare(recording, fixes, model, progress=shown.say, **keywords)
@@ -138,7 +138,7 @@ def _array(
 
     windows = parse_windows(several.window)
     array, fixes = load_array_drive(several, run.gnss, reading)
-    keywords = sensors.keywords(known.keywords(), array.time, repair=reading.repair)
+    keywords = sensors.keywords(known.keywords(), array.time, fixes, repair=reading.repair)
     model = load_noise(run.noise)
     title = f"{array.count} IMUs, {title_of(several.array[0])}"
     if several.mechanization == ALL:

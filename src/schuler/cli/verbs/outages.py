@@ -51,7 +51,7 @@ def outages(
     if lost.lag is not None and models:
         raise InputError("--lag with --models", expected="one of them")
     recording, fixes = load_drive(drive.imu, drive.gnss, reading)
-    keywords = which | sensors.keywords(keywords, recording.time, repair=reading.repair)
+    keywords = which | sensors.keywords(keywords, recording.time, fixes, repair=reading.repair)
     model, name = load_noise(drive.noise), title_of(drive.imu)
     if models:
         comparison = compare(recording, fixes, model, told, keywords)

@@ -84,8 +84,15 @@ class MeasurementSource(Protocol):
     states, or by all m sensor states (r, 9 + m); and the variance of the noise, (r,) or (r, r).
     """
 
-    name: str
-    time: ArrayLike
+    @property
+    def name(self) -> str:
+        """In tables and reports."""
+        ...
+
+    @property
+    def time(self) -> ArrayLike:
+        """Seconds on the axis of the IMU."""
+        ...
 
     def linearise(self, k: int, state: AidedState) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
         """Return residual, derivatives and variance of measurement k."""
