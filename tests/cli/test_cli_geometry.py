@@ -10,14 +10,17 @@ import pytest
 
 import schuler
 from schuler.arrays.geometry import tetrahedron_mounting
+from schuler.cli.options.files import Written
 from schuler.cli.verbs.geometry import geometry
 from schuler.data.mounting import mounting_yaml
 from schuler.errors import InputError
 
 
-def told(tmp_path: Path, *shapes: str, **options: object) -> list[dict[str, object]]:
+def told(
+    tmp_path: Path, *shapes: str, report: Path | None = None, **options: object
+) -> list[dict[str, object]]:
     out = tmp_path / "out.json"
-    geometry(shapes, json=out, **options)  # type: ignore[arg-type]
+    geometry(shapes, written=Written(report, out), **options)  # type: ignore[arg-type]
     return list(json.loads(out.read_text())["geometries"])
 
 

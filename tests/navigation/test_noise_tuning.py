@@ -12,7 +12,7 @@ from schuler.data import CHANNELS
 from schuler.errors import SchulerError
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.tuning.inflation import inflated, tune_noise
-from schuler.navigation.tuning.tune import tune
+from schuler.navigation.tuning.tune import Sought, tune
 from schuler.noise import GaussMarkov, RandomWalk, WhiteNoise
 from schuler.noise.noise_model import NoiseModel
 from schuler.simulation import car_urban
@@ -57,9 +57,7 @@ def test_known_factors_are_found_within_their_intervals(car: tuple) -> None:  # 
             twin.imu,
             twin.gnss,
             replace(twin.setup, model=bench),
-            noise="sensors",
-            offsets=False,
-            prior_sd=4.0,
+            Sought("sensors", offsets=False, prior_sd=4.0),
         )
         assert found.converged
         wrong = [found.values[n] - np.log(TRUTH[p]) for n, p in PARAMETERS.items()]
@@ -125,4 +123,4 @@ def test_too_little_gnss_is_said(car: tuple) -> None:  # type: ignore[type-arg]
     twin = draw_twin(*car, 1, noise=BENCH)
     few = twin.gnss.select(np.arange(twin.gnss.size) % 30 == 0)
     with pytest.raises(SchulerError, match="epochs to tune with"):
-        tune(twin.imu, few, twin.setup, noise="sensors", offsets=False)
+        tune(twin.imu, few, twin.setup, Sought("sensors", offsets=False))

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from schuler.errors import InputError
-from schuler.io.format import Start, What
-from schuler.io.registry import folder_formats, suffixes
+from schuler.io.format import What
+from schuler.io.registry import is_recording, suffixes
 
 
 def file_in_folder(folder: Path, what: What) -> Path:
     """Find the one recording of a kind in a folder; the folder itself where it is one."""
-    start = Start(folder)
-    if any(f.recognises(start) for f in folder_formats()):
+    if is_recording(folder):
         return folder
     words = ("imu",) if what == "imu" else ("gnss", "gps")
     known = suffixes()

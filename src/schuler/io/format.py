@@ -57,6 +57,12 @@ class Start:
         return data.decode("utf-8-sig", errors="replace").splitlines()
 
     @cached_property
+    def plain(self) -> bytes:
+        """The first bytes, those of text in UTF-16 as UTF-8."""
+        wide = self.bytes[:2] in (b"\xff\xfe", b"\xfe\xff")
+        return "\n".join(self.lines).encode() if wide else self.bytes
+
+    @cached_property
     def names(self) -> frozenset[str]:
         """Names of the files in a folder; none for a file."""
         if not self.path.is_dir():

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What, damaged
@@ -19,11 +21,64 @@ _TABLES = "schuler.io.tables."
 _TRACKS = "schuler.io.trajectories."
 _NOISE = "schuler.io.noise_forms."
 
+
+class _Reader(NamedTuple):
+    """A module of formats that are read, and what a file must show before it is asked.
+
+    Parameters
+    ----------
+    module : str
+        Its name.
+    shows : bytes
+        Pattern that is found in the first bytes of all its files; empty: of none.
+    folder : bool
+        Whether its files may be folders.
+    endings : tuple of str
+        Endings of the names of all its files; empty: any.
+    """
+
+    module: str
+    shows: bytes = b""
+    folder: bool = False
+    endings: tuple[str, ...] = ()
+
+    def may_know(self, start: Start) -> bool:
+        """Tell whether a file or a folder can be one of these."""
+        if start.path.is_dir():
+            return self.folder
+        if self.endings and start.path.suffix.lower() not in self.endings:
+            return False
+        return bool(self.shows) and re.search(self.shows, start.plain) is not None
+
+    @property
+    def formats(self) -> tuple[Format, ...]:
+        """Formats of the module that can be read."""
+        return tuple(f for f in import_module(self.module).FORMATS if f.open is not None)
+
+
+# in the order in which they are asked; text, which is nearly everything, last
 _READERS = (
-    *(_READ + m for m in ("rosbag", "ulog", "dataflash", "ubx", "novatel", "nmea", "matlab")),
-    *(_READ + m for m in ("rtklib", "sbet", "kitti", "gnss_logger", "phone_folder", "long_rows")),
-    *(_READ + m for m in ("loggers", "inertial_explorer", "kf_gins")),
-    *(_TABLES + m for m in ("parquet", "npz", "json_lines", "text")),
+    _Reader(_READ + "rosbag", rb"\A(?:#ROSBAG V|SQLite format 3\0|\x89MCAP0\r\n)", folder=True),
+    _Reader(_READ + "ulog", rb"\AULog\x01\x12\x35"),
+    _Reader(_READ + "dataflash", rb"\A\xa3\x95\x80|FMT, "),
+    _Reader(_READ + "ubx", rb"\xb5b"),
+    _Reader(_READ + "novatel", rb"[#%](?:BEST|INS|RAWIMU|CORRIMU)|\xaa\x44[\x12\x13]"),
+    _Reader(_READ + "nmea", rb"\$..(?:GGA|RMC)"),
+    _Reader(_READ + "matlab", rb"\AMATLAB [57]\."),
+    _Reader(_READ + "rtklib", rb"%"),
+    _Reader(_READ + "sbet", rb"\0"),
+    _Reader(_READ + "kitti", folder=True),
+    _Reader(_READ + "gnss_logger", rb"# (?:Raw|Fix|UncalAccel),"),
+    _Reader(_READ + "phone_folder", folder=True),
+    # the name of a sensor below the names of the columns
+    _Reader(_READ + "long_rows", rb"(?i)[\r\n][^\r\n]*(?:gyr|angular|rotation)"),
+    _Reader(_READ + "loggers", rb"[^\0]"),
+    _Reader(_READ + "inertial_explorer", rb"Longitude"),
+    _Reader(_READ + "kf_gins", rb"[^\0]", endings=(".txt", ".imu", ".dat", ".asc", ".gnss")),
+    _Reader(_TABLES + "parquet", rb"\APAR1"),
+    _Reader(_TABLES + "npz", rb"\APK\x03\x04"),
+    _Reader(_TABLES + "json_lines", rb"\A(?:\xef\xbb\xbf)?\s*[{\[]"),
+    _Reader(_TABLES + "text", rb"(?s)."),
 )
 _TRAJECTORY_WRITERS = tuple(_TRACKS + m for m in ("local", "receivers", "maps"))
 _NOISE_WRITERS = tuple(_NOISE + m for m in ("ros", "slam", "post_processing"))
@@ -37,15 +92,23 @@ def formats() -> tuple[Format, ...]:
 
 def _ours() -> tuple[Format, ...]:
     found: list[Format] = []
-    for name in (*_READERS, *_TRAJECTORY_WRITERS, *_NOISE_WRITERS):
+    for name in (*(r.module for r in _READERS), *_TRAJECTORY_WRITERS, *_NOISE_WRITERS):
         found += import_module(name).FORMATS
     return tuple(found)
 
 
 @cache
 def _readers() -> tuple[Format, ...]:
-    own = [f for name in _READERS for f in import_module(name).FORMATS]
-    return tuple(f for f in (*_of_users(), *own) if f.open is not None)
+    own = (f for reader in _READERS for f in reader.formats)
+    return (*(f for f in _of_users() if f.open is not None), *own)
+
+
+def _candidates(start: Start) -> Iterator[Format]:
+    """Formats that a file can be of, in the order in which they are asked; users' own first."""
+    yield from (f for f in _of_users() if f.open is not None)
+    for reader in _READERS:
+        if reader.may_know(start):
+            yield from reader.formats
 
 
 @cache
@@ -99,7 +162,7 @@ def format_of(path: Path) -> Format:
     if not path.is_dir():
         existing_file(path)
     start = Start(path)
-    for one in _readers():
+    for one in _candidates(start):
         try:
             if one.recognises(start):
                 return one
@@ -164,9 +227,10 @@ def _broken(one: Format, what: str, expected: str) -> InputError:
     return InputError(f"format '{one.name}' {what}", expected=expected, cure="correct the format")
 
 
-def folder_formats() -> tuple[Format, ...]:
-    """Return the formats that may be a whole folder."""
-    return tuple(f for f in _readers() if f.detect is not None)
+def is_recording(folder: Path) -> bool:
+    """Tell whether a folder as a whole is of some format."""
+    start = Start(folder)
+    return any(f.recognises(start) for f in _candidates(start) if f.detect is not None)
 
 
 def suffixes() -> frozenset[str]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError
+from schuler.keywords import refuse_unknown
 from schuler.simulation.effects import ManoeuvreNoise, TemperatureDrift
 from schuler.simulation.motions.profile import Profile, static
 from schuler.types import FloatArray
@@ -238,6 +239,15 @@ def _digitize(values: FloatArray, errors: TriadErrors) -> FloatArray:
     return np.asarray(limited)
 
 
+class SensorErrors(TypedDict, total=False):
+    """Keywords of `simulate_imu` that make sense at rest."""
+
+    gyro_errors: TriadErrors | None
+    accel_errors: TriadErrors | None
+    g_sensitivity: ArrayLike | None
+    name: str
+
+
 def simulate_static(
     noise_model: NoiseModel | None,
     duration: float,
@@ -246,9 +256,7 @@ def simulate_static(
     *,
     position: ArrayLike = (np.pi / 4, 0.13, 250.0),
     attitude: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    gyro_errors: TriadErrors | None = None,
-    accel_errors: TriadErrors | None = None,
-    name: str = "static",
+    **errors: Unpack[SensorErrors],
 ) -> ImuRecording:
     """Return the recording of a sensor that lies still.
 
@@ -266,10 +274,8 @@ def simulate_static(
         Latitude rad, longitude rad, height m.
     attitude : tuple of float
         Roll, pitch, yaw, rad.
-    gyro_errors, accel_errors : TriadErrors, optional
-        As in `simulate_imu`.
-    name : str
-        Name of the recording.
+    **errors
+        gyro_errors, accel_errors, g_sensitivity and name, as for `simulate_imu`.
 
     Returns
     -------
@@ -289,6 +295,7 @@ def simulate_static(
     >>> imu.accel.mean(axis=0).round(2)
     array([ 0.  ,  0.  , -9.81])
     """
+    refuse_unknown(simulate_static, errors, SensorErrors)
     n = _count(duration, rate)
     roll, pitch, yaw = attitude
     still = static(duration, position=position, roll=roll, pitch=pitch, yaw=yaw)
@@ -299,6 +306,4 @@ def simulate_static(
         np.broadcast_to(force, (n, 3)),
         history=(f"simulated at rest at {rate:g} Hz",),
     )
-    return simulate_imu(
-        ideal, noise_model, rng, gyro_errors=gyro_errors, accel_errors=accel_errors, name=name
-    )
+    return simulate_imu(ideal, noise_model, rng, **({"name": "static"} | errors))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,14 @@ ROUNDS = 4
 """Of fitting everything against the mean of what is fitted."""
 FAINT_FORCE = 0.3
 """m/s²: forces that vary by less along an axis do not separate scale from bias there."""
+
+
+class BodyMotion(Protocol):
+    """Rate and angular acceleration of the body (n, 3), and relative delays of the IMUs (n, k)."""
+
+    rate: FloatArray
+    acceleration: FloatArray
+    moved: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,9 +85,7 @@ def fit_accelerometers(
     time: FloatArray,
     accel: FloatArray,
     start: FloatArray,
-    rate: FloatArray,
-    angular_acceleration: FloatArray,
-    relative_delay: FloatArray,
+    motion: BodyMotion,
     position: FloatArray,
     rests: Rests,
     *,
@@ -89,10 +96,10 @@ def fit_accelerometers(
     k = accel.shape[1]
     turned = np.einsum("kij,nkj->nki", start, accel)
     arms = position - position.mean(axis=0)
-    tensor = arm_matrix(rate, angular_acceleration)
+    tensor, delay = arm_matrix(motion.rate, motion.acceleration), motion.moved
     good = np.isfinite(turned).all(axis=(1, 2)) & np.isfinite(tensor).all(axis=(1, 2))
     rows = _still_rows(time, turned, tensor, good & rests.rows, rests)
-    lively = np.flatnonzero(good & ~rests.rows & np.isfinite(relative_delay).all(axis=1))
+    lively = np.flatnonzero(good & ~rests.rows & np.isfinite(delay).all(axis=1))
     slope = _slope(time, turned.mean(axis=1))
     lively = lively[np.isfinite(slope[lively]).all(axis=1)]
     if rows.turned.shape[0] + lively.size < 50:
@@ -101,11 +108,11 @@ def fit_accelerometers(
             expected="at least 50",
         )
     shown = np.concatenate([rows.turned, turned[lively]])
-    shown[rows.turned.shape[0] :] += relative_delay[lively][..., None] * slope[lively][:, None]
+    shown[rows.turned.shape[0] :] += delay[lively][..., None] * slope[lively][:, None]
     arm = np.concatenate([rows.tensor, tensor[lively]])
     when = np.concatenate([rows.time, time[lively]])
     cluster = np.floor((when - time[0]) / CLUSTER).astype(np.int64)
-    motion = np.concatenate(
+    turning = np.concatenate(
         [np.zeros(rows.turned.shape[0]), np.linalg.norm(tensor[lively], axis=(1, 2))]
     )
     common = np.eye(3) if mean_sensor is None else mean_sensor
@@ -119,7 +126,7 @@ def fit_accelerometers(
     for turn in range(ROUNDS):
         free = shown - np.einsum("kij,mjl,kl->mki", relative, arm, arms) - offset
         force = np.asarray(np.einsum("kij,mkj->mki", np.linalg.inv(relative), free).mean(axis=1))
-        scale = _scales(free - np.einsum("kij,mj->mki", relative, force), motion)
+        scale = _scales(free - np.einsum("kij,mj->mki", relative, force), turning)
         values, sds = np.empty((k, 15)), np.empty((k, 15))
         for i in range(k):
             # a sensor with deviations shows its own place with them

@@ -101,15 +101,13 @@ def calibrate_array(
         shifted = used.accel if motion.polled else shift(used.time, used.accel, gyros.delay)
         turned = gyros.start if accel_model == "matrix" else gyros.correction
         forces = fit_accelerometers(
-            used.time, shifted, turned, motion.rate, motion.acceleration, motion.moved,
-            used.mounting.position, rests, model=accel_model,
-        )  # fmt: skip
+            used.time, shifted, turned, motion, used.mounting.position, rests, model=accel_model
+        )
     poses = _poses(used, forces, rests, gravity)
     if poses is not None and forces is not None:
         # once more, with what gravity says of the mean: lever arms have its scale
         forces = fit_accelerometers(
-            used.time, shifted, turned, motion.rate, motion.acceleration, motion.moved,
-            forces.position, rests, model=accel_model,
+            used.time, shifted, turned, motion, forces.position, rests, model=accel_model,
             mean_sensor=np.asarray(np.linalg.inv(poses.matrix), dtype=np.float64),
         )  # fmt: skip
     calibration = _assemble(array, gyros, forces, poses, rests)

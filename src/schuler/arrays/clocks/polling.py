@@ -127,7 +127,7 @@ def track_polling(
             weight = 1.0 / ((noise / length) ** 2 + (SHARE * value) ** 2)
             known = turn > 0 or before is not None
             signs = (float(np.sign(state.beat[i])) or 1.0,) if known else (1.0, -1.0)
-            _track_one(state, i, signs, stamps - time[0], own, weight, value, index, blocks.size)
+            _track_one(state, i, signs, stamps - time[0], own, weight, value, index)
         age = _ages(state, stamps, time[0], index, value)
         if period is None:
             value = min(_period(seen, age, length, value), step)
@@ -186,9 +186,9 @@ def _track_one(
     weight: FloatArray,
     period: float,
     index: NDArray[np.int64],
-    blocks: int,
 ) -> None:
     """Track one chip's phase, at the beats around the present one and both signs at first."""
+    blocks = len(state.phase)
     grid = (np.arange(PHASES) + 0.5) / PHASES
     middle = np.median(own)
     floor = float(np.sum(_log_likelihood(own - middle, weight)))

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.job import Job, Result
+from schuler.cli.options.files import Written
+
 if TYPE_CHECKING:
     from schuler.arrays.detection.operating import OperatingCurve
     from schuler.arrays.geometry import Geometry
@@ -26,8 +29,7 @@ def geometry(
     fault: float = 5.0,
     false_alarm_rate: float = 0.001,
     power: float = 0.8,
-    report: Path | None = None,
-    json: Path | None = None,
+    written: Written = Written(),
 ) -> int:
     """Compare arrangements of redundant sensors: noise, and which faults they show.
 
@@ -52,19 +54,11 @@ def geometry(
         Of the test of one sample.
     power : float
         Probability with which the smallest fault is found.
-    report : Path, optional
-        Write a self-contained HTML page here.
-    json : Path, optional
-        Write all results here, with axes and parity matrices; - for standard output.
     """
     from schuler.arrays.detection.operating import operating_curve
     from schuler.arrays.merit import figures_of_merit
-    from schuler.cli.console import Screen
-    from schuler.cli.outputs import STDOUT, Outputs, json_text
-    from schuler.cli.provenance import command_provenance
 
-    inputs = tuple(Path(s) for s in shapes if Path(s).is_file())
-    outputs = Outputs(report, json, inputs=inputs)
+    job = Job(written, inputs=tuple(Path(s) for s in shapes if Path(s).is_file()))
     found: list[FiguresOfMerit] = []
     trials: list[OperatingCurve | None] = []
     for shape in shapes:
@@ -72,17 +66,17 @@ def geometry(
         found.append(figures_of_merit(one, noise, false_alarm_rate=false_alarm_rate, power=power))
         trial = operating_curve(one, fault, rates=[false_alarm_rate]) if one.redundancy else None
         trials.append(trial)
-    origin = command_provenance(inputs=inputs, settings={"noise": noise, "fault": fault})
-    if report is not None:
-        from schuler.report import render_report
-
-        page = render_report(*found, title="Geometry of redundant sensors", provenance=origin)
-        outputs.text(report, lambda: page)
     told = [f.to_dict() | {"fault": _trial(t)} for f, t in zip(found, trials, strict=True)]
-    outputs.text(json, lambda: json_text({"geometries": told, "provenance": origin.to_dict()}))
-    written = outputs.commit()
-    show_geometries(Screen(json_on_stdout=json == STDOUT), found, trials, written)
-    return 0
+    return job.finish(
+        Result(
+            title="Geometry of redundant sensors",
+            sections=tuple(found),
+            show=lambda screen: show_geometries(screen, found, trials),
+            json=lambda: {"geometries": told},
+            settings={"noise": noise, "fault": fault},
+            with_origin=True,
+        )
+    )
 
 
 def _geometry_of(shape: str, half_angle: float | None, optimize: Criterion | None) -> Geometry:
@@ -118,10 +112,7 @@ def _trial(curve: OperatingCurve | None) -> dict[str, Any] | None:
 
 
 def show_geometries(
-    screen: Screen,
-    found: list[FiguresOfMerit],
-    trials: list[OperatingCurve | None],
-    written: tuple[Path, ...] = (),
+    screen: Screen, found: list[FiguresOfMerit], trials: list[OperatingCurve | None]
 ) -> None:
     """Print the figures of merit side by side, and what cannot be seen or told apart."""
     import numpy as np
@@ -165,5 +156,3 @@ def show_geometries(
     for one in found:
         for said in one.statements:
             screen.finding("info", f"{one.geometry.title}: {said}")
-    for path in written:
-        screen.line(f"wrote {path}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -88,13 +89,10 @@ def fit_arma(
     values = checked_signal(signal, 10 + 5 * (p + q))
     if mean not in get_args(Mean):
         raise InputError(f"mean '{mean}'", expected="'ml', 'sample' or 'zero'")
-    centre, scale = float(values.mean()), float(values.std())
-    if mean == "zero":
-        centre, scale = 0.0, math.hypot(scale, centre)
-    unit = (values - centre) / scale
-    best = search(unit, p, q, known_mean=mean != "ml")
+    scaled = Scaled.of(values, rate, zero=mean == "zero")
+    best = search(scaled.unit, p, q, known_mean=mean != "ml")
     return finish(
-        unit, best, p, centre, scale, rate, errors, _cancelling(unit, best, p), zero=mean == "zero"
+        scaled, best, p, errors, _cancelling(scaled.unit, best, p), zero=mean == "zero"
     )
 
 
@@ -104,13 +102,28 @@ def check_orders(p: int, q: int) -> None:
         raise InputError(f"orders ({p}, {q})", expected="whole numbers, zero or above")
 
 
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A signal of mean zero and variance one, and how it came to be that."""
+
+    unit: FloatArray
+    centre: float
+    scale: float
+    rate: float
+
+    @classmethod
+    def of(cls, values: FloatArray, rate: float, *, zero: bool = False) -> Scaled:
+        """Scale a signal; one whose mean is known to be zero is not centred."""
+        centre, scale = float(values.mean()), float(values.std())
+        if zero:
+            centre, scale = 0.0, math.hypot(scale, centre)
+        return cls((values - centre) / scale, centre, scale, rate)
+
+
 def finish(
-    unit: FloatArray,
+    signal: Scaled,
     best: Climb,
     p: int,
-    centre: float,
-    scale: float,
-    rate: float,
     errors: ErrorKind,
     warnings: tuple[str, ...] = (),
     candidates: tuple[ArmaCandidate, ...] = (),
@@ -118,6 +131,7 @@ def finish(
     zero: bool = False,
 ) -> ArmaFit:
     """Turn the maximum of a scaled signal into estimates with errors, tests and flags."""
+    unit, scale = signal.unit, signal.scale
     n, k = unit.size, best.coefficients.size
     phi, theta = split(best.coefficients, p)
     _, information, outer = scores(unit, best.coefficients, p, best.at)
@@ -137,7 +151,7 @@ def finish(
     back = np.concatenate([[scale], np.ones(k), [scale**2]])
     chosen = covariances[errors] * np.outer(back, back)
     robust = covariances["robust"] * np.outer(back, back)
-    mean = centre + scale * best.at.mean
+    mean = signal.centre + scale * best.at.mean
     gain = 1.0 - float(phi.sum())
     standard_errors = _named_errors(chosen, p, k - p, mean, gain)
     residual = innovations(unit - best.at.mean, best.coefficients, p).residual
@@ -158,7 +172,7 @@ def finish(
         aic=2.0 * (k + 2 - first) - 2.0 * value,
         bic=math.log(n) * (k + 2 - first) - 2.0 * value,
         samples=n,
-        rate=rate,
+        rate=signal.rate,
         converged=_converged(best, p, n) and not singular,
         flags=(*warnings, *_flags(best, p, residual, tests, singular)),
         diagnostics=tests,

@@ -12,6 +12,7 @@ from schuler.errors import InputError
 from schuler.estimation.arma.fit import (
     UNIT_ROOT,
     ErrorKind,
+    Scaled,
     check_orders,
     finish,
     is_common_factor,
@@ -82,8 +83,8 @@ def select_arma(
     if criterion not in ("aic", "bic"):
         raise InputError(f"criterion '{criterion}'", expected="'aic' or 'bic'")
     values = checked_signal(signal, 10 + 5 * (max_p + max_q))
-    centre, scale = float(values.mean()), float(values.std())
-    unit = (values - centre) / scale
+    scaled = Scaled.of(values, rate)
+    unit, scale = scaled.unit, scaled.scale
     size = min(max(choosing or unit.size, 10 + 5 * (max_p + max_q)), unit.size)
     middle = (unit.size - size) // 2
     part = unit[middle : middle + size]
@@ -103,7 +104,7 @@ def select_arma(
             f"{len(candidates)} on {size} samples in the middle of the record",
         )
     best = climb(unit, climbs[chosen.p, chosen.q].coefficients, chosen.p)
-    return finish(unit, best, chosen.p, centre, scale, rate, errors, warnings, candidates)
+    return finish(scaled, best, chosen.p, errors, warnings, candidates)
 
 
 def _with_neighbours(

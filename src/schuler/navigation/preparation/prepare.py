@@ -48,7 +48,7 @@ from schuler.navigation.settings import (
 )
 from schuler.navigation.tuning.gnss_errors import fit_split
 from schuler.navigation.tuning.likelihood import enough_for_offsets, find_time_offset, velocity_lag
-from schuler.navigation.tuning.tune import tune
+from schuler.navigation.tuning.tune import Sought, tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.screening.screen import Finding
 
@@ -225,7 +225,7 @@ def _tuned(
     settings = setup.settings
     noise: Literal["channels"] | None = "channels" if tuned else None
     part = imu if tuned else enough_for_offsets(imu, gnss, setup)
-    found = tune(part, gnss, setup, noise=noise, offsets=settings.estimates_offset, progress=say)
+    found = tune(part, gnss, setup, Sought(noise, settings.estimates_offset), say)
     aided = _aided(PreparedDrive(imu, found.setup), gnss, say)
     if not tuned or "nhc" not in settings.constraints:
         return PreparedDrive(imu, aided)
@@ -239,7 +239,7 @@ def _tuned(
         condition=aided.condition,
     )
     known = {name: v for name, v in found.values.items() if "offset" not in name}
-    both = tune(imu, gnss, once_more, noise=noise, offsets=False, fixed=known, progress=say)
+    both = tune(imu, gnss, once_more, Sought(noise, offsets=False, fixed=known), say)
     return PreparedDrive(imu, both.setup)
 
 

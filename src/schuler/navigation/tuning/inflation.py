@@ -23,7 +23,7 @@ from schuler.navigation.preparation.prepare import prepare_drive
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.run import run
 from schuler.navigation.settings import NavigationOptions, navigation_settings
-from schuler.navigation.tuning.tune import Tuning, tune
+from schuler.navigation.tuning.tune import Sought, Tuning, tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.types import FloatArray
 
@@ -179,18 +179,9 @@ def tune_noise(
     cut, start = prepared.imu, replace(prepared.setup, factors=NoiseFactors.none())
 
     def search(fixed: dict[str, float], first: dict[str, float], longest: int = 30) -> Tuning:
-        return tune(
-            cut,
-            gnss,
-            start,
-            noise="sensors",
-            offsets=settings.estimates_offset and not fixed,
-            first=first,
-            fixed=fixed,
-            prior_sd=VAGUE_SD,
-            longest=longest,
-            progress=progress,
-        )
+        offsets = settings.estimates_offset and not fixed
+        sought = Sought("sensors", offsets, first, fixed, VAGUE_SD, longest)
+        return tune(cut, gnss, start, sought, progress)
 
     say("looking for the most likely factors")
     best = search({}, {})

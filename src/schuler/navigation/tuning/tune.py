@@ -19,7 +19,7 @@ for innovations that are used once more in every thinning); spec 7.9.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -83,17 +83,58 @@ class Tuning:
     standard_errors: dict[str, float]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Sought:
+    """What `tune` looks for, and from where.
+
+    Parameters
+    ----------
+    noise : {"channels", "sensors"} or None
+        Factors on the noise: of every channel, of accelerometers and gyros, or none.
+    offsets : bool
+        Time offsets of GNSS.
+    first, fixed : dict of str to float
+        Values to begin with, and values that are held.
+    prior_sd : float
+        Of a factor, nepers.
+    longest : int
+        Most steps.
+    """
+
+    noise: Literal["channels", "sensors"] | None
+    offsets: bool
+    first: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    prior_sd: float = PRIOR_SD
+    longest: int = LONGEST_SEARCH
+
+    def names(self, start: RunSetup, gnss: GnssRecording) -> tuple[str, ...]:
+        """Return the free parameters."""
+        names: list[str] = []
+        if self.noise is not None:
+            by_channel = self.noise == "channels"
+            names += (
+                [f"white {c}" for c in range(6)] if by_channel else ["white accel", "white gyro"]
+            )
+            for sensor, channels in (("accel", (0, 1, 2)), ("gyro", (3, 4, 5))):
+                if _driven(start.model, channels):
+                    names.append(f"drive {sensor}")
+            names += ["vibration accel", "vibration gyro"] if by_channel else []
+            names += ["sd position" if split_errors(start) is None else WHITE]
+            names += ["sd velocity"] if gnss.velocity is not None else []
+            if start.vehicle is not None and start.vehicle.first_state >= 0:
+                names += ["sd lateral", "sd vertical"]
+        if self.offsets:
+            names += ["offset position"]
+            names += ["offset velocity"] if gnss.velocity is not None else []
+        return tuple(n for n in names if n not in self.fixed)
+
+
 def tune(
     imu: ImuRecording,
     gnss: GnssRecording,
     start: RunSetup,
-    *,
-    noise: Literal["channels", "sensors"] | None,
-    offsets: bool,
-    first: Mapping[str, float] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    prior_sd: float = PRIOR_SD,
-    longest: int = LONGEST_SEARCH,
+    sought: Sought,
     progress: Callable[[str], None] | None = None,
 ) -> Tuning:
     """Find noise factors and time offsets under which the innovations were most likely."""
@@ -104,13 +145,12 @@ def tune(
             cure="give a noise model and time offsets",
         )
     slow = slower_imu(imu)
-    level = level_at(slow.time, imu, vibration_level(imu)) if noise == "channels" else None
+    level = level_at(slow.time, imu, vibration_level(imu)) if sought.noise == "channels" else None
     rolling = start.vehicle is not None and start.vehicle.first_state >= 0
     thinned = [thin(gnss, interval) for interval in (VEHICLE_THINNING if rolling else THINNING)]
     thinned = [g for g in thinned if g.size >= 10]
-    held = dict(fixed or {})
-    names = tuple(n for n in _free_parameters(start, gnss, noise, offsets) if n not in held)
-    prior, floor = np.array([_prior_and_floor(n, prior_sd) for n in names]).T
+    held, names = dict(sought.fixed), sought.names(start, gnss)
+    prior, floor = np.array([_prior_and_floor(n, sought.prior_sd) for n in names]).T
     calls = 0
 
     def evaluate(x: FloatArray) -> InnovationSequence:
@@ -122,9 +162,9 @@ def tune(
         return innovations(slow, thinned, setup, level)
 
     split = split_errors(start)
-    begun = {WHITE: 0.0 if split is None else float(np.log(split.white))} | dict(first or {})
+    begun = {WHITE: 0.0 if split is None else float(np.log(split.white))} | dict(sought.first)
     begin = np.array([begun.get(n, 0.0) for n in names])
-    found = maximise(evaluate, np.maximum(begin, floor), prior, floor, longest)
+    found = maximise(evaluate, np.maximum(begin, floor), prior, floor, sought.longest)
     unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
     values = dict(zip(names, found.x.tolist(), strict=True))
     return Tuning(
@@ -136,30 +176,6 @@ def tune(
         converged=found.converged,
         standard_errors=dict(zip(names, (found.sd * unit).tolist(), strict=True)),
     )
-
-
-def _free_parameters(
-    start: RunSetup,
-    gnss: GnssRecording,
-    noise: Literal["channels", "sensors"] | None,
-    offsets: bool,
-) -> tuple[str, ...]:
-    names: list[str] = []
-    if noise is not None:
-        by_channel = noise == "channels"
-        names += [f"white {c}" for c in range(6)] if by_channel else ["white accel", "white gyro"]
-        for sensor, channels in (("accel", (0, 1, 2)), ("gyro", (3, 4, 5))):
-            if _driven(start.model, channels):
-                names.append(f"drive {sensor}")
-        names += ["vibration accel", "vibration gyro"] if by_channel else []
-        names += ["sd position" if split_errors(start) is None else WHITE]
-        names += ["sd velocity"] if gnss.velocity is not None else []
-        if start.vehicle is not None and start.vehicle.first_state >= 0:
-            names += ["sd lateral", "sd vertical"]
-    if offsets:
-        names += ["offset position"]
-        names += ["offset velocity"] if gnss.velocity is not None else []
-    return tuple(names)
 
 
 def _driven(model: SensorErrorModel, channels: tuple[int, ...]) -> bool:
