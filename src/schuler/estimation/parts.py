@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -199,19 +199,3 @@ def estimates_of(parts: Sequence[Process], names: Names, log_covariance: FloatAr
         if spread > _VANISHED:
             found.limits[key] = value * math.exp(min(_ONE_SIDED * spread, 20.0))
     return found
-
-
-def parameters_to_dict(
-    parameters: Mapping[str, float],
-    errors: Mapping[str, float],
-    intervals: Mapping[str, tuple[float, float]],
-) -> dict[str, dict[str, object]]:
-    """Return values, errors and intervals for JSON."""
-    return {
-        key: {
-            "value": value,
-            "standard_error": errors[key],
-            "interval_95": list(intervals[key]),
-        }
-        for key, value in parameters.items()
-    }

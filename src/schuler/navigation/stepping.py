@@ -202,11 +202,6 @@ class FilterStepper:
         return int(self.model.drift.shape[1])
 
     @property
-    def samples_taken(self) -> int:
-        """Samples since the start."""
-        return int(self.state.samples[0])
-
-    @property
     def nodes_made(self) -> int:
         """Nodes since the start."""
         return int(self.state.nodes[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import radians
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -91,7 +91,10 @@ class ImuReading:
 
     def options(self, *, repair: bool = False) -> dict[str, Any]:
         """Return the arguments of `read_imu`."""
-        return _profiled(self.profile, "imu") | _given(
+        return _profiled(self.profile, "imu") | self._told(repair=repair)
+
+    def _told(self, *, repair: bool) -> dict[str, Any]:
+        return _given(
             columns=columns_of(self.column, self.columns),
             rate=self.rate,
             time_unit=self.time_unit,
@@ -113,44 +116,11 @@ class ImuReading:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class AnyReading:
+class AnyReading(ImuReading):
     """How to read a file of an IMU or of a receiver.
 
     Parameters
     ----------
-    column : tuple of str
-        A column by its role: ROLE=NAME with ROLE out of time, gyro_x, gyro_y, gyro_z,
-        accel_x, accel_y, accel_z, temperature; ROLE= leaves it out. May be repeated.
-    columns : str, optional
-        Names of all columns of a text file without header, in order, with commas between.
-    rate : float, optional
-        Samples a second, for a file without time.
-    time_unit : str, optional
-        Such as s, ms, us, ns; or how dates are written, such as '%d.%m.%Y %H:%M:%S%.f'.
-    time_offset : float
-        Seconds added to the time.
-    gyro_unit : str, optional
-        Such as rad/s, deg/s, mdps, 'LSB 131/(deg/s)'.
-    accel_unit : str, optional
-        Such as m/s^2, g, mg, 'LSB 16384/g'.
-    increments : bool, optional
-        The columns hold increments of angle and velocity instead of rates.
-    delimiter : str, optional
-        Between columns of a text file; found out if not given.
-    decimal : str, optional
-        Decimal point or comma; found out if not given.
-    comment : str, optional
-        Beginning of lines to leave out; #, % and // if not given.
-    skip_lines : int
-        Lines left out at the beginning of a text file.
-    no_header : bool
-        The text file has no line of names.
-    imu : int, optional
-        Number of the IMU in a file of several.
-    ros_topic : str, optional
-        Topic to read from a ROS bag with several.
-    clock : str, optional
-        Time stamps of a ROS bag: of the headers, or of the recording.
     angle_unit : str, optional
         Of latitude and longitude, such as deg, rad, '1e-7 deg'.
     velocity_unit : str, optional
@@ -165,75 +135,43 @@ class AnyReading:
         Standard deviation of velocities in m/s, in place of the file's.
     calibration : Path, optional
         Calibration of the IMU as YAML, from `schuler calibrate`; applied to what is read.
-    profile : Path, optional
-        What was said about such files once, from `schuler read --save-profile`.
     repair : bool
         Leave out rows that cannot be used (NaN, time that repeats or goes backwards, a last
         line that was cut off), and repair what the screening finds.
     """
 
-    column: tuple[str, ...] = ()
-    columns: str | None = None
-    rate: float | None = None
-    time_unit: str | None = None
-    time_offset: float = 0.0
-    gyro_unit: str | None = None
-    accel_unit: str | None = None
-    increments: bool | None = None
-    delimiter: str | None = None
-    decimal: Literal[".", ","] | None = None
-    comment: str | None = None
-    skip_lines: int = 0
-    no_header: bool = False
-    imu: int | None = None
-    ros_topic: str | None = None
-    clock: Literal["header", "bag"] | None = None
     angle_unit: str | None = None
     velocity_unit: str | None = None
     origin: str | None = None
     position_sd: float | None = None
     velocity_sd: float | None = None
     calibration: Path | None = None
-    profile: Path | None = None
     repair: bool = False
 
     def inputs(self, file: Path) -> tuple[Path, ...]:
         """Return all files that are read."""
         return (file,) if self.calibration is None else (file, self.calibration)
 
-    def options(self, kind: Literal["imu", "gnss"]) -> dict[str, Any]:
+    def of(self, kind: Literal["imu", "gnss"]) -> dict[str, Any]:
         """Return the arguments of `read_imu` or `read_gnss`, the calibration apart."""
         if kind == "gnss" and self.calibration is not None:
             raise InputError("--calibration with a GNSS recording", expected="an IMU recording")
-        shared = _given(
-            columns=columns_of(self.column, self.columns),
-            rate=self.rate,
-            time_unit=self.time_unit,
-            time_offset=self.time_offset or None,
-            delimiter=self.delimiter,
-            decimal=self.decimal,
-            comment=self.comment,
-            skip_lines=self.skip_lines or None,
-            header=False if self.no_header else None,
-            topic=self.ros_topic,
-            clock=self.clock,
-            repair=self.repair or None,
-        )
-        own = _given(
-            gyro_unit=self.gyro_unit,
-            accel_unit=self.accel_unit,
-            increments=self.increments,
-            imu=self.imu,
-        )
-        if kind == "gnss":
-            own = _given(
+        if kind == "imu":
+            return self.options(repair=self.repair)
+        shared = self._told(repair=self.repair)
+        for name in ("gyro_unit", "accel_unit", "increments", "imu"):
+            shared.pop(name, None)
+        return (
+            _profiled(self.profile, kind)
+            | shared
+            | _given(
                 angle_unit=self.angle_unit,
                 velocity_unit=self.velocity_unit,
                 origin=_origin(self.origin),
                 position_sd=self.position_sd,
                 velocity_sd=self.velocity_sd,
             )
-        return _profiled(self.profile, kind) | shared | own
+        )
 
 
 @Parameter(name="*")
@@ -367,46 +305,22 @@ class DriveReading:
 
     def imu_options(self) -> dict[str, Any]:
         """Return the arguments of `read_imu`."""
-        return _profiled(self.profile, "imu") | _given(
-            columns=columns_of(self.imu_column, self.imu_columns),
-            rate=self.imu_rate,
-            time_unit=self.imu_time_unit,
-            time_offset=self.imu_time_offset or None,
-            gyro_unit=self.gyro_unit,
-            accel_unit=self.accel_unit,
-            increments=self.increments,
-            delimiter=self.imu_delimiter,
-            decimal=self.imu_decimal,
-            comment=self.imu_comment,
-            skip_lines=self.imu_skip_lines or None,
-            header=False if self.imu_no_header else None,
-            imu=self.imu_number,
-            topic=self.imu_topic,
-            clock=self.imu_clock,
-            repair=self.repair or None,
-        )
+        own = ("gyro_unit", "accel_unit", "increments")
+        return self._of("imu", {n: getattr(self, n) for n in own}).of("imu")
 
     def gnss_options(self) -> dict[str, Any]:
         """Return the arguments of `read_gnss`."""
-        return _profiled(self.profile, "gnss") | _given(
-            columns=columns_of(self.gnss_column, self.gnss_columns),
-            rate=self.gnss_rate,
-            time_unit=self.gnss_time_unit,
-            time_offset=self.gnss_time_offset or None,
-            angle_unit=self.gnss_angle_unit,
-            velocity_unit=self.gnss_velocity_unit,
-            origin=_origin(self.gnss_origin),
-            position_sd=self.gnss_position_sd,
-            velocity_sd=self.gnss_velocity_sd,
-            delimiter=self.gnss_delimiter,
-            decimal=self.gnss_decimal,
-            comment=self.gnss_comment,
-            skip_lines=self.gnss_skip_lines or None,
-            header=False if self.gnss_no_header else None,
-            topic=self.gnss_topic,
-            clock=self.gnss_clock,
-            repair=self.repair or None,
-        )
+        return self._of("gnss", {}).of("gnss")
+
+    def _of(self, kind: Literal["imu", "gnss"], own: dict[str, Any]) -> AnyReading:
+        """Options of one file, under the names that they have where there is one file alone."""
+        names = {f"{kind}_topic": "ros_topic", "imu_number": "imu"}
+        told = {
+            names.get(f.name, f.name.removeprefix(f"{kind}_")): getattr(self, f.name)
+            for f in fields(self)
+            if f.name.startswith(f"{kind}_")
+        }
+        return AnyReading(**told, **own, profile=self.profile, repair=self.repair)
 
 
 def _given(**options: Any) -> dict[str, Any]:

@@ -141,7 +141,7 @@ def _recording(
     file = source if not source.is_dir() else file_in_folder(source, kind or "imu")
     holds = format_of(file).holds
     chosen = kind or ("imu" if "imu" in holds else "gnss")
-    options = reading.options(chosen)
+    options = reading.of(chosen)
     recording: ImuRecording | GnssRecording
     try:
         if chosen == "imu":
@@ -153,7 +153,7 @@ def _recording(
             raise
         chosen = "gnss"
         try:
-            recording = load_gnss(source, reading.options(chosen))
+            recording = load_gnss(source, reading.of(chosen))
         except InputError:
             recording = load_imu(source, options, calibration=reading.calibration)
     write = form.write_recording

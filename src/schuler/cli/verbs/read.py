@@ -52,7 +52,7 @@ def read(
     form = format_of(place)
     chosen, recording = _read(file, form.holds, kind, how)
     if save_profile is not None:
-        write_profile(save_profile, chosen, how.options(chosen), recording)
+        write_profile(save_profile, chosen, how.of(chosen), recording)
     found = _summary(chosen, form.title, recording)
     outputs.text(json, lambda: json_text(found))
     written = outputs.commit()
@@ -76,14 +76,14 @@ def _read(
     from schuler.errors import InputError
 
     if kind == "gnss" or (kind is None and "imu" not in holds):
-        return "gnss", load_gnss(file, how.options("gnss"))
+        return "gnss", load_gnss(file, how.of("gnss"))
     try:
-        return "imu", load_imu(file, how.options("imu"), calibration=how.calibration)
+        return "imu", load_imu(file, how.of("imu"), calibration=how.calibration)
     except InputError as error:
         if kind is not None or "gnss" not in holds:
             raise
         try:
-            return "gnss", load_gnss(file, how.options("gnss"))
+            return "gnss", load_gnss(file, how.of("gnss"))
         except InputError:
             raise error from None
 

@@ -326,12 +326,6 @@ def _header_fields(line: str, delimiter: str, comment: str | None, width: int) -
     return None
 
 
-def repeated_name(names: Sequence[str]) -> str:
-    """Return a name that stood twice in the header; empty when all differ."""
-    twice = next((n for n in names if re.search(r"#\d+$", n)), "")
-    return bare_name(twice)
-
-
 def bare_name(name: str) -> str:
     """Return a name as it stands in the header."""
     return re.sub(r"#\d+$", "", name) if bare(name) else name

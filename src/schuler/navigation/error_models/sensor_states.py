@@ -151,11 +151,6 @@ class SensorErrorModel:
         density = self.white_density.reshape(2, 3)
         return self.white_correlation * density[:, :, None] * density[:, None, :]
 
-    @property
-    def sample_interval(self) -> float | None:
-        """Longest interval at which the discrete blocks exist, s; None without any."""
-        return max((b.interval for b in self.blocks), default=None)
-
     def constant_states(self, channel: int) -> IntArray:
         """Indices of the states of a channel that keep a constant: walks and turn-on biases."""
         own = (self.channel == channel) & (self.drift[:, 0] == 0.0) & (self.partner < 0)
