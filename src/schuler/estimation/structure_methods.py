@@ -78,7 +78,6 @@ def _answer(
     *,
     converged: bool = True,
     flags: tuple[str, ...] = (),
-    limits: dict[str, float] | None = None,
     block: int = 1,
 ) -> MethodIdentification:
     """An answer in shared words; `errors` has the keys of all that was estimated."""
@@ -98,7 +97,7 @@ def _answer(
         no_process="",
         parameters=parameters,
         standard_errors=errors,
-        limits=dict(limits or {}),
+        limits=dict(fit.limits) if isinstance(fit, Identification) else {},
         diagnostics=diagnostics,
         converged=converged,
         flags=(*ready.flags(False), *words),
@@ -267,7 +266,6 @@ def _of_identification(
         fit,
         converged=fit.diagnostics.converged,
         flags=fit.flags,
-        limits=fit.limits,
         block=fastest_block(fit, ready.rate) if block is None else block,
     )
 
