@@ -131,6 +131,36 @@ def test_folders_stay_small_enough_to_look_through() -> None:
         assert len(modules) <= 20, (folder, len(modules))
 
 
+def functions() -> list[tuple[str, int, int]]:
+    """Place, parameters (a `**options` counts as one) and lines without docstring of them all."""
+    found = []
+    for path in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            given = node.args
+            taken = [*given.posonlyargs, *given.args, *given.kwonlyargs]
+            taken += [a for a in (given.vararg, given.kwarg) if a is not None]
+            count = sum(a.arg not in ("self", "cls") for a in taken)
+            first = node.body[0]
+            told = first.end_lineno - first.lineno + 1 if ast.get_docstring(node) else 0
+            lines = node.end_lineno - node.lineno + 1 - told
+            found.append((f"{path.relative_to(ROOT)}:{node.lineno} {node.name}", count, lines))
+    return found
+
+
+def test_functions_take_few_parameters_and_fit_on_a_screen() -> None:
+    """What takes more is a settings object, what is longer is cut where a reader would stop."""
+    every = functions()
+    assert len(every) > 3000
+    for most, allowed in ((8, 15), (12, 0)):
+        many = [(name, count) for name, count, _ in every if count > most]
+        assert len(many) <= allowed, (most, many)
+    for longest, allowed in ((60, 20), (100, 0)):
+        long = [(name, lines) for name, _, lines in every if lines > longest]
+        assert len(long) <= allowed, (longest, long)
+
+
 def test_every_public_name_is_there_and_only_those_are_promised() -> None:
     import schuler
 

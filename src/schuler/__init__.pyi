@@ -193,7 +193,7 @@ from .noise.gauss_markov import GaussMarkov as GaussMarkov
 from .noise.noise_model import NoiseModel as NoiseModel
 from .noise.white import Quantization as Quantization
 from .noise.white import WhiteNoise as WhiteNoise
-from .report.write import write_report as write_report
+from .report.page import write_report as write_report
 from .rotations import dcm_from_euler as dcm_from_euler
 from .rotations import dcm_from_rotation_vector as dcm_from_rotation_vector
 from .rotations import euler_from_dcm as euler_from_dcm

@@ -99,9 +99,7 @@ def test_joint_gradient_and_information() -> None:
     def evaluate(u: np.ndarray) -> tuple[float, np.ndarray]:
         score, information, outer = np.empty(k), np.empty((k, k)), np.empty((k, k))
         work = np.empty((2, x.size))
-        value = arma_garch_slopes(
-            x, u, 2, 2, 2, 1, 1.0, score, information, outer, work[0], work[1]
-        )
+        value = arma_garch_slopes(x, u, (2, 2, 2, 1), 1.0, score, information, outer, work)
         assert np.all(np.linalg.eigvalsh(information) > 0.0)
         return value, score
 

@@ -11,7 +11,7 @@ import pytest
 
 from schuler import earth
 from schuler.kernels.navigation.constraint import constraint_model
-from schuler.kernels.navigation.stacked_data import Tie
+from schuler.kernels.navigation.stacked_data import StackState, Tie
 from schuler.kernels.navigation.strapdown import rotation_from_quaternion
 from schuler.kernels.navigation.update import feed_back
 from schuler.rotations import (
@@ -44,13 +44,14 @@ class Pair:
         self.poses = [[r1, v1, c1], [r2, v2, c2]]
 
     def residual(self) -> tuple[Array, Array, Array, Array, Array]:
-        (r1, v1, c1), (r2, v2, c2) = self.poses
-        tie = Tie.empty()
-        rate = self.gyro - c1.T @ self.frame_rate
-        constraint_model(
-            r1, v1, np.ascontiguousarray(c1), r2, v2, np.ascontiguousarray(c2),
-            np.ascontiguousarray(self.relative), self.arm, rate, self.frame_rate, tie,
+        state, tie = StackState.empty(2, 24, (0, 1)), Tie.empty()
+        for i, (r, v, c) in enumerate(self.poses):
+            state.position[i], state.velocity[i], state.rotation[i] = r, v, c
+        state.relative[1], state.arm[1], state.earth[0, 3:6] = (
+            self.relative, self.arm, self.frame_rate,
         )  # fmt: skip
+        rate = self.gyro - state.rotation[0].T @ self.frame_rate
+        constraint_model(state, 1, rate, tie)
         return tie.residual, tie.by_first, tie.by_second, tie.by_relative, tie.by_gyro
 
     def disturb(self, which: int, error: Array) -> None:

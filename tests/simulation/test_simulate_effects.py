@@ -11,7 +11,7 @@ from schuler import earth
 from schuler import simulation as simulate
 from schuler.data import CHANNELS, ImuRecording
 from schuler.errors import InputError
-from schuler.navigation.preparation.dead_reckoning import dead_reckon
+from schuler.navigation.preparation.alignment import dead_reckon
 from schuler.noise import NoiseModel, WhiteNoise
 
 PLACE = np.array([0.8, 0.1, 300.0])

@@ -10,7 +10,7 @@ import pytest
 from schuler import earth
 from schuler import simulation as simulate
 from schuler.errors import InputError
-from schuler.navigation.preparation.dead_reckoning import dead_reckon
+from schuler.navigation.preparation.alignment import dead_reckon
 from schuler.rotations import rotation_vector_from_dcm
 from schuler.simulation.motions.flying import thrust_attitude
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -115,12 +117,28 @@ class Job:
     def _origin(self, result: Result) -> Provenance | None:
         if self.written == Written():
             return None
-        from schuler.cli.provenance import command_provenance
-
         settings = dict(result.settings)
         if assumptions():
             settings["assumptions"] = list(assumptions())
         return command_provenance(inputs=self.inputs, seeds=result.seeds, settings=settings)
+
+
+def command_provenance(
+    *,
+    inputs: Iterable[Path] = (),
+    seeds: Mapping[str, int] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Provenance:
+    """Record this command with its inputs."""
+    from schuler.data.to_dict import plain
+    from schuler.report.provenance import record_provenance
+
+    return record_provenance(
+        command="schuler " + shlex.join(sys.argv[1:]),
+        inputs=inputs,
+        seeds=seeds,
+        settings=plain(dict(settings or {})),
+    )
 
 
 def _with_origin(result: Result, origin: Provenance | None) -> Any:

@@ -25,22 +25,19 @@ def allan_covariance(
     process: Process, factors: NDArray[np.int64], samples: int, dt: float
 ) -> FloatArray:
     """Covariance of the logarithms of overlapping Allan variances, to first order."""
-    from schuler.kernels.noise.allan_covariance import relative_covariance
+    from schuler.kernels.noise.allan_covariance import NoiseElements, relative_covariance
 
     seen = process.elements(dt, samples * dt)
     out = np.zeros((factors.size, factors.size))
-    relative_covariance(
-        np.asarray(factors, dtype=np.int64),
-        samples + 1,
+    noise = NoiseElements(
         seen.white,
         seen.quantization,
         seen.walk,
         seen.flicker,
         np.array([variance for variance, _ in seen.gauss_markovs]),
         np.array([time / dt for _, time in seen.gauss_markovs]),
-        False,
-        out,
     )
+    relative_covariance(np.asarray(factors, dtype=np.int64), samples + 1, noise, False, out)
     return out
 
 
@@ -52,24 +49,14 @@ def power_law_degrees_of_freedom(
     slope: ArrayLike, factors: NDArray[np.int64], samples: int
 ) -> FloatArray:
     """Equivalent degrees of freedom of overlapping Allan variances of power-law noise."""
-    from schuler.kernels.noise.allan_covariance import relative_covariance
+    from schuler.kernels.noise.allan_covariance import NoiseElements, relative_covariance
 
     none = np.zeros(0)
     logs = []
-    for _, (white, quantization, walk, flicker) in _POWER_LAWS:
+    for _, densities in _POWER_LAWS:
         out = np.zeros((factors.size, factors.size))
-        relative_covariance(
-            np.asarray(factors, dtype=np.int64),
-            samples + 1,
-            white,
-            quantization,
-            walk,
-            flicker,
-            none,
-            none,
-            True,
-            out,
-        )
+        noise = NoiseElements(*densities, none, none)
+        relative_covariance(np.asarray(factors, dtype=np.int64), samples + 1, noise, True, out)
         logs.append(np.log(2.0 / np.diag(out)))
     laws = np.array([law for law, _ in _POWER_LAWS])
     wanted = np.asarray(slope, dtype=np.float64)

@@ -281,26 +281,15 @@ def _evaluate(
     block: int,
 ) -> tuple[float, float, FloatArray, FloatArray]:
     """Log-likelihood, innovation variance, score and information at `logs`."""
-    from schuler.kernels.noise.likelihood import likelihood_pass
+    from schuler.kernels.noise.likelihood import SideBySide, likelihood_pass
 
     moved = [logs, *(logs + _STEP * unit for unit in np.eye(logs.size))]
     built = [_states(with_logs(parts, names, m), dt, block) for m in moved]
     rows = np.ascontiguousarray(np.array([b[0] for b in built]).transpose(1, 0, 2))
     noise = np.array([b[1] for b in built])
     score, information = np.zeros(logs.size), np.zeros((logs.size, logs.size))
-    total, variance = likelihood_pass(
-        data,
-        rows[0],
-        rows[1],
-        rows[2],
-        rows[3],
-        noise,
-        rows[4],
-        _STEP,
-        _STEADY,
-        score,
-        information,
-    )
+    many = SideBySide(rows[0], rows[1], rows[2], rows[3], rows[4], noise)
+    total, variance = likelihood_pass(data, many, _STEP, _STEADY, score, information)
     return total, variance, score, information
 
 

@@ -15,8 +15,7 @@ from schuler.data._checks import extreme_steps, median_step
 from schuler.errors import InputError
 from schuler.io.columns import Column, counter_column
 from schuler.io.dates import TIME_OF_DAY, day_and_time, moments
-from schuler.io.notes import Notes
-from schuler.io.source import Columns, Source
+from schuler.io.source import Columns, Notes, Source
 from schuler.io.time_repair import (
     between_neighbours,
     joined_restarts,

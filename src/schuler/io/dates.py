@@ -9,8 +9,7 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.columns import Column
-from schuler.io.notes import Notes
-from schuler.io.source import Source
+from schuler.io.source import Notes, Source
 from schuler.types import FloatArray
 
 if TYPE_CHECKING:

@@ -39,6 +39,12 @@ class Start:
         self.path = path
 
     @cached_property
+    def plain(self) -> bytes:
+        """The first bytes, those of text in UTF-16 as UTF-8."""
+        wide = self.bytes[:2] in (b"\xff\xfe", b"\xfe\xff")
+        return "\n".join(self.lines).encode() if wide else self.bytes
+
+    @cached_property
     def bytes(self) -> bytes:
         """First 64 KiB; nothing for a folder."""
         if self.path.is_dir():
@@ -55,12 +61,6 @@ class Start:
         if b"\0" in data:
             return []
         return data.decode("utf-8-sig", errors="replace").splitlines()
-
-    @cached_property
-    def plain(self) -> bytes:
-        """The first bytes, those of text in UTF-16 as UTF-8."""
-        wide = self.bytes[:2] in (b"\xff\xfe", b"\xfe\xff")
-        return "\n".join(self.lines).encode() if wide else self.bytes
 
     @cached_property
     def names(self) -> frozenset[str]:

@@ -12,9 +12,8 @@ from schuler.errors import InputError
 from schuler.io.clock import GNSS_PACE, check_steps, even_axis, shifted, time_axis
 from schuler.io.columns import GNSS_ROLES, Column, missing
 from schuler.io.gnss_checks import check_motion, held, unfixed
-from schuler.io.notes import Notes
 from schuler.io.options import ReadOptions, choose_columns, unit_of
-from schuler.io.source import Columns, Source
+from schuler.io.source import Columns, Notes, Source
 from schuler.types import BoolArray, FloatArray
 
 _NED = ("north", "east", "down")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.errors import InputError
-from schuler.io.notes import Notes
+from schuler.io.source import Notes
 from schuler.types import BoolArray, FloatArray
 
 _SPAN = 4.0  # s over which positions are differenced: their noise is then small

@@ -56,15 +56,18 @@ class _Reader(NamedTuple):
         return tuple(f for f in import_module(self.module).FORMATS if f.open is not None)
 
 
-# in the order in which they are asked; text, which is nearly everything, last
+# in the order in which they are asked: those that begin in a way of their own first, text, which is
+# nearly everything, last
 _READERS = (
     _Reader(_READ + "rosbag", rb"\A(?:#ROSBAG V|SQLite format 3\0|\x89MCAP0\r\n)", folder=True),
     _Reader(_READ + "ulog", rb"\AULog\x01\x12\x35"),
+    _Reader(_READ + "matlab", rb"\AMATLAB [57]\."),
+    _Reader(_TABLES + "parquet", rb"\APAR1"),
+    _Reader(_TABLES + "npz", rb"\APK\x03\x04"),
     _Reader(_READ + "dataflash", rb"\A\xa3\x95\x80|FMT, "),
     _Reader(_READ + "ubx", rb"\xb5b"),
     _Reader(_READ + "novatel", rb"[#%](?:BEST|INS|RAWIMU|CORRIMU)|\xaa\x44[\x12\x13]"),
     _Reader(_READ + "nmea", rb"\$..(?:GGA|RMC)"),
-    _Reader(_READ + "matlab", rb"\AMATLAB [57]\."),
     _Reader(_READ + "rtklib", rb"%"),
     _Reader(_READ + "sbet", rb"\0"),
     _Reader(_READ + "kitti", folder=True),
@@ -75,8 +78,6 @@ _READERS = (
     _Reader(_READ + "loggers", rb"[^\0]"),
     _Reader(_READ + "inertial_explorer", rb"Longitude"),
     _Reader(_READ + "kf_gins", rb"[^\0]", endings=(".txt", ".imu", ".dat", ".asc", ".gnss")),
-    _Reader(_TABLES + "parquet", rb"\APAR1"),
-    _Reader(_TABLES + "npz", rb"\APK\x03\x04"),
     _Reader(_TABLES + "json_lines", rb"\A(?:\xef\xbb\xbf)?\s*[{\[]"),
     _Reader(_TABLES + "text", rb"(?s)."),
 )

@@ -12,8 +12,7 @@ from schuler import units
 from schuler.errors import InputError, UnitError
 from schuler.io.clock import ANY_PACE, time_axis
 from schuler.io.columns import IMU_ROLES, Column, find_columns, missing
-from schuler.io.notes import Notes
-from schuler.io.source import Source
+from schuler.io.source import Notes, Source
 from schuler.types import FloatArray
 
 _PRESSURE = {"pa": 1.0, "hpa": 100.0, "mbar": 100.0, "kpa": 1e3, "bar": 1e5}

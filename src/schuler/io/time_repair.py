@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from schuler.io.notes import Notes
+from schuler.io.source import Notes
 from schuler.types import FloatArray
 
 _DAY, _WEEK = 86400.0, 604800.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.errors import InputError
-from schuler.io.notes import Notes
+from schuler.io.source import Notes
 from schuler.types import FloatArray
 from schuler.unit_grammar import STANDARD_GRAVITY
 

@@ -21,7 +21,6 @@ from schuler.kernels.navigation.filter_data import AidingOutputs, Filter, NodeOu
 from schuler.kernels.navigation.filter_data import FilterState as KernelState
 from schuler.navigation.aiding.schedule import GENERAL, AidingSchedule
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.outputs import measurement_bytes, node_bytes
 from schuler.navigation.stepping import (
     NO_VEHICLE,
     NODE_INTERVAL,
@@ -201,6 +200,16 @@ class FilterRun:
         parts = range(len(self.checkpoints.memories))
         for p in reversed(parts) if back else parts:
             yield self.checkpoints.part(p, self.aiding)
+
+
+def node_bytes(size: int, width: int) -> int:
+    """Bytes that one node keeps for the smoother."""
+    return 8 * (size * size + 9 * size + (size - 9) * width + size + 2)
+
+
+def measurement_bytes(size: int) -> int:
+    """Bytes that one measurement keeps for the smoother: rows of H and gains."""
+    return 8 * 6 * size
 
 
 def gate_thresholds(false_alarm: float) -> FloatArray:

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
 from schuler.kernels.navigation.filter_data import (
-    AIDING_ROW,
     AidingOutputs,
     Filter,
     NodeOutputs,
@@ -50,6 +49,7 @@ from schuler.navigation.stepping import (
     SensorStretches,
     check_references,
 )
+from schuler.navigation.stream_buffers import RowBuffer, SampleBuffer
 from schuler.navigation.stream_checks import (
     FARTHEST_AHEAD,
     check_ahead,
@@ -129,83 +129,6 @@ class GnssReceiver:
     slow_share: float = 0.0
 
 
-@dataclass(slots=True, eq=False)
-class _Samples:
-    """The latest samples of a stream, in a row: what came, and what the filter made of it."""
-
-    places: int
-    keep_outputs: bool
-    time: FloatArray = field(init=False)
-    gyro: FloatArray = field(init=False)
-    accel: FloatArray = field(init=False)
-    scale: FloatArray = field(init=False)
-    outputs: SampleOutputs = field(init=False)
-    first: int = 0
-    count: int = 0
-
-    def __post_init__(self) -> None:
-        rows = 2 * self.places
-        self.time, self.scale = np.empty(rows), np.ones((rows, 6))
-        self.gyro, self.accel = np.empty((rows, 3)), np.empty((rows, 3))
-        self.outputs = SampleOutputs.empty(rows if self.keep_outputs else 0)
-
-    def add(self, time: float, gyro: ArrayLike, accel: ArrayLike) -> int:
-        """Append one; its row."""
-        row = self.count - self.first
-        if row == len(self.time):
-            self._move_up()
-            row = self.places
-        self.time[row] = time
-        self.gyro[row] = gyro
-        self.accel[row] = accel
-        self.count += 1
-        return row
-
-    def _move_up(self) -> None:
-        """Forget the older half."""
-        kept: list[FloatArray] = [self.time, self.gyro, self.accel, self.scale]
-        if self.keep_outputs:
-            kept += [getattr(self.outputs, f.name) for f in fields(self.outputs)]
-        for values in kept:
-            values[: self.places] = values[self.places :]
-        self.first += self.places
-
-
-class _Rows:
-    """Rows of `AIDING_ROW`, and the same bytes as real numbers, which are quicker to copy."""
-
-    __slots__ = ("bytes", "first", "table", "value", "variance")
-
-    def __init__(self, table: NDArray[np.void]) -> None:
-        self.table = table
-        self.bytes = table.view(np.float64).reshape(table.size, -1)
-        # of the first row, where a fix is put together
-        self.first, self.value, self.variance = (
-            self.bytes[0],
-            table["value"][0],
-            table["variance"][0],
-        )
-
-    def __reduce__(self) -> tuple[type[_Rows], tuple[NDArray[np.void]]]:
-        return _Rows, (self.table,)
-
-    @classmethod
-    def blank(cls, rows: int) -> _Rows:
-        """Rows that are never due."""
-        table = np.zeros(rows, dtype=AIDING_ROW)
-        table["time"], table["offset"], table["matrix"] = np.inf, -1, -1
-        table["offset_scale"] = 1.0
-        return cls(table)
-
-    @classmethod
-    def of_antenna(cls, kind: int, lever: FloatArray, offset: ArrayLike) -> _Rows:
-        """One row with all that is the same for every fix."""
-        one = cls.blank(1)
-        one.table["kind"], one.table["rank"] = kind, kind
-        one.table["lever"], one.table["offset"] = lever, offset
-        return one
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shown:
     """How sensor errors show from a sample of the stream on; see `SensorStretches`."""
@@ -281,13 +204,13 @@ class NavigationFilter:
         self._receiver = receiver or GnssReceiver()
         lever = np.asarray(self._receiver.lever_arm, dtype=np.float64)
         self._antenna = (
-            _Rows.of_antenna(POSITION, lever, self._receiver.offset_states),
-            _Rows.of_antenna(VELOCITY, lever, _NONE),
+            RowBuffer.of_antenna(POSITION, lever, self._receiver.offset_states),
+            RowBuffer.of_antenna(VELOCITY, lever, _NONE),
         )
         held = max(late, 0.0 if lag is None else lag + 2.0 * self._stepper.rules.node_interval)
         places = int(held * rate * 1.5) + 4 * SNAPSHOT_EVERY
-        self._samples = _Samples(places, keep_outputs=lag is not None)
-        self._rows = _Rows.blank(MEASUREMENTS_KEPT)
+        self._samples = SampleBuffer(places, keep_outputs=lag is not None)
+        self._rows = RowBuffer.blank(MEASUREMENTS_KEPT)
         self._matrices = np.zeros((MEASUREMENTS_KEPT, 3, 12 + self._states))
         self._matrices_taken = 0
         self._known = 0
@@ -454,7 +377,7 @@ class NavigationFilter:
         """Make of a sample what else it tells: constraints, a bridge over a gap, its noise."""
         if self._constraints is not None:
             for when, kind, value, variance in self._constraints.rows(time, gyro, accel):
-                row = _Rows.blank(1)
+                row = RowBuffer.blank(1)
                 row.table["kind"], row.table["rank"] = kind, OTHER_RANK
                 row.first[0], row.value[:], row.variance[:] = when, value, variance
                 self._insert(row.first, when, OTHER_RANK, MEASUREMENTS_KEPT)
@@ -608,7 +531,7 @@ class NavigationFilter:
             when, matrix = float(measurements.time[k]), int(measurements.matrix[k])
             if measurements.kind[k] == GENERAL and (when > self._last or self._go_back(when)):
                 ask_model(measurements, k, self._stepper.state)
-            row = _Rows(measurements.select(slice(k, k + 1)).table())
+            row = RowBuffer(measurements.select(slice(k, k + 1)).table())
             row.table["rank"] = OTHER_RANK
             if matrix >= 0:
                 place = self._matrices_taken % len(self._matrices)

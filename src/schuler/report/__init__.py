@@ -24,11 +24,10 @@ from schuler.report.blocks import (
 )
 from schuler.report.figures import Dash, axis, band, limits, line, marks
 from schuler.report.numbers import MISSING, duration, number, with_error
-from schuler.report.page import anchor, render_page
+from schuler.report.page import anchor, render_page, render_report, write_report
 from schuler.report.provenance import InputFile, Provenance, record_provenance
 from schuler.report.sections.navigation.run import NavigationResults
 from schuler.report.sections.registry import register
-from schuler.report.write import render_report, write_report
 
 __all__ = [
     "MISSING",

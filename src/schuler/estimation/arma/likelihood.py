@@ -14,6 +14,7 @@ from schuler.types import FloatArray
 EDGE = 1e-7
 """Roots are kept this far inside the unit circle."""
 _NONE = np.zeros(0)
+_UNTOLD = np.zeros((3, 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +69,7 @@ def likelihood(
 
     padded, gain = harvey_form(*split(coefficients, p))
     covariance = stationary_covariance(padded, gain)
-    uu, uo, oo, logs = exact_innovations(signal, padded, gain, covariance, _NONE, _NONE, _NONE)
+    uu, uo, oo, logs = exact_innovations(signal, padded, gain, covariance, _UNTOLD)
     mean = 0.0 if known_mean else uo / oo
     variance = max(uu - uo * mean, 1e-300) / signal.size
     value = -0.5 * (signal.size * (math.log(2.0 * math.pi * variance) + 1.0) + logs)
@@ -80,9 +81,9 @@ def innovations(signal: FloatArray, coefficients: FloatArray, p: int) -> Innovat
     from schuler.kernels.noise.arma import exact_innovations
 
     padded, gain = harvey_form(*split(coefficients, p))
-    arrays = [np.empty(signal.size) for _ in range(3)]
-    exact_innovations(signal, padded, gain, stationary_covariance(padded, gain), *arrays)
-    return Innovations(*arrays)
+    out = np.empty((3, signal.size))
+    exact_innovations(signal, padded, gain, stationary_covariance(padded, gain), out)
+    return Innovations(*out)
 
 
 def approximate_slope(

@@ -89,8 +89,7 @@ class _Objective:
     shocks: int
     memories: int
     before: float
-    residual: FloatArray
-    variances: FloatArray
+    past: FloatArray
 
     @property
     def size(self) -> int:
@@ -103,16 +102,12 @@ class _Objective:
         value = arma_garch_slopes(
             self.unit,
             parameters,
-            self.p,
-            self.q,
-            self.shocks,
-            self.memories,
+            (self.p, self.q, self.shocks, self.memories),
             self.before,
             score,
             information,
             outer,
-            self.residual,
-            self.variances,
+            self.past,
         )
         return value, score, information
 
@@ -173,8 +168,7 @@ def fit_arma_garch(
         garch_p,
         garch_q,
         backcast(residual / scale),
-        np.empty(unit.size),
-        np.empty(unit.size),
+        np.empty((2, unit.size)),
     )
     usable = garch.method in ("maximum likelihood", "variance targeting") and garch.persistence > 0
     start = np.concatenate(
@@ -246,9 +240,7 @@ def _joint(
     converged = summit.distance < CONVERGED and not singular and bool(summit.free.all())
     new_garch = _garch_part(garch, found[lead:], covariance[lead:, lead:], converged)
     new_arma = _arma_part(arma, found, covariance, new_garch, converged, values)
-    after = residual_tests(
-        objective.residual / np.sqrt(objective.variances), fitted_parameters=p + q
-    )
+    after = residual_tests(objective.past[0] / np.sqrt(objective.past[1]), fitted_parameters=p + q)
     new_garch = replace(new_garch, after=after, log_likelihood=value, aic=aic, bic=bic)
     flags = [f for f in arma.flags if not f.startswith(("not converged", "changing variance"))]
     flags += [f for f in garch.flags if not f.startswith(("not converged", "nearly integrated"))]

@@ -92,7 +92,7 @@ def garch_slopes(
     squares = unit**2
     k = p + q + 1
     short = (p, q) == (1, 1)
-    residual, variances = np.empty((2, 0 if short else unit.size))
+    past = np.empty((2, 0 if short else unit.size))
 
     def evaluate(u: FloatArray, outer: FloatArray) -> Answer:
         score, information = np.empty(k), np.empty((k, k))
@@ -100,9 +100,8 @@ def garch_slopes(
             a0, a1, b1 = u.tolist()
             value = garch11_slopes(squares, a0, a1, b1, before, score, information, outer)
         else:
-            value = arma_garch_slopes(
-                unit, u, -1, 0, p, q, before, score, information, outer, residual, variances
-            )
+            orders = (-1, 0, p, q)
+            value = arma_garch_slopes(unit, u, orders, before, score, information, outer, past)
         return value, score, information
 
     return evaluate

@@ -11,8 +11,7 @@ from schuler.errors import InputError
 from schuler.io.columns import Column
 from schuler.io.dates import moments
 from schuler.io.format import Format, Start, What
-from schuler.io.notes import Notes
-from schuler.io.source import Columns, MemorySource
+from schuler.io.source import Columns, MemorySource, Notes
 
 if TYPE_CHECKING:
     from schuler.io.options import ReadOptions

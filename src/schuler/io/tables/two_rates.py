@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.data._checks import all_finite
-from schuler.io.notes import Notes
+from schuler.io.source import Notes
 from schuler.types import BoolArray, FloatArray
 
 _SPARSE = 0.3  # share of rows without a sensor from which it has rows of its own

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.kernels.arrays.redundancy_data import Plan
+from schuler.kernels.arrays.redundancy_data import Plan, Redundancy
 from schuler.kernels.compile import kernel
 from schuler.kernels.types import BoolArray, FloatArray, IntArray
 
@@ -148,18 +148,10 @@ def follow_biases(
 
 
 @kernel()
-def follow_variances(
-    excess: FloatArray,
-    seen: FloatArray,
-    use: BoolArray,
-    block: int,
-    adaptation: float,
-    common: float,
-    variance: FloatArray,
-    work: FloatArray,
-    ratio: FloatArray,
-) -> None:
+def follow_variances(r: Redundancy) -> None:
     """Let variances follow the squares of a block: their common level soon, each one slowly."""
+    tuning, use, variance = r.tuning, r.memory.use, r.memory.variance
+    excess, seen, ratio = r.work.excess, r.work.seen, r.work.ratio
     number, samples = 0, 0.0
     for m in range(variance.size):
         ratio[m] = excess[m] / seen[m] if seen[m] > 0.0 else 1.0
@@ -170,9 +162,10 @@ def follow_variances(
         return
     # median of a mean of squares (Wilson and Hilferty)
     middle = (1.0 - 2.0 * number / (9.0 * samples)) ** 3
-    level = median_of(ratio, use, work) / middle
+    level = median_of(ratio, use, r.work.f_spare) / middle
     level = min(max(level, 0.25), 4.0)
-    together, whole, inverse = 1.0 + common * (level - 1.0), adaptation / block, 1.0 / level
+    together, inverse = 1.0 + tuning.common * (level - 1.0), 1.0 / level
+    whole = tuning.adaptation / tuning.block
     for m in range(variance.size):
         if use[m] and seen[m] > 0.0:
             own = 1.0 + whole * seen[m] * (ratio[m] * inverse - 1.0)
@@ -180,22 +173,13 @@ def follow_variances(
 
 
 @kernel()
-def out_of_use(
-    measurements: FloatArray,
-    arm_tensor: FloatArray,
-    arm: FloatArray,
-    start: int,
-    stop: int,
-    m: int,
-    axis: FloatArray,
-    bias: float,
-    fused: FloatArray,
-) -> float:
-    """Return by how much an axis that is out differs from what the others say, mean of a block.
+def out_of_use(r: Redundancy, start: int, stop: int, m: int) -> float:
+    """Return by how much axis m, which is out, differs from what the others say, mean of a block.
 
-    measurements, arm_tensor, arm, fused: as in `schuler.kernels.arrays.redundancy.follow`; start,
-    stop: samples of the block; m: the axis; axis (3,): its direction; bias: its bias difference.
+    start, stop: samples of the block.
     """
+    measurements, arm_tensor, arm = r.given.measurements, r.given.arm_tensor, r.given.arm
+    axis, bias, fused = r.given.axes[m], r.memory.bias[m], r.out.fused
     total = 0.0
     for t in range(start, stop):
         total += measurements[t, m] - bias

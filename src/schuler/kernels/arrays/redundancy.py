@@ -170,32 +170,12 @@ def mean_residuals(r: Redundancy, start: int, stop: int) -> None:
     """Let variances follow, and make means of the residuals, also of axes that are out."""
     given, memory, work, tuning = r.given, r.memory, r.work, r.tuning
     if given.given.shape[0] == 0 and tuning.adaptation > 0.0:
-        follow_variances(
-            work.excess,
-            work.seen,
-            memory.use,
-            tuning.block,
-            tuning.adaptation,
-            tuning.common,
-            memory.variance,
-            work.f_spare,
-            work.ratio,
-        )
+        follow_variances(r)
     for m in range(memory.use.size):
         if work.seen[m] > 0.0:
             work.means[m] /= work.seen[m]
         elif memory.status[m] != 0 and work.here[m]:
-            mean = out_of_use(
-                given.measurements,
-                given.arm_tensor,
-                given.arm,
-                start,
-                stop,
-                m,
-                given.axes[m],
-                memory.bias[m],
-                r.out.fused,
-            )
+            mean = out_of_use(r, start, stop, m)
             work.seen[m] = tuning.block if mean == mean else 0.0
             work.means[m] = mean if mean == mean else 0.0
         work.shares[m] = min(work.seen[m] / tuning.block, 1.0)

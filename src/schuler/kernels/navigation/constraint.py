@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
 from schuler.kernels.navigation.geodesy import radii_of_curvature
-from schuler.kernels.navigation.stacked_data import Tie
+from schuler.kernels.navigation.stacked_data import StackState, Tie
 from schuler.kernels.navigation.update import clear
 
 Array = NDArray[np.float64]
@@ -61,20 +61,15 @@ def rotation_residual(first: Array, second: Array, relative: Array, residual: Ar
 
 
 @kernel()
-def constraint_model(
-    position_1: Array,
-    velocity_1: Array,
-    rotation_1: Array,
-    position_2: Array,
-    velocity_2: Array,
-    rotation_2: Array,
-    relative: Array,
-    arm: Array,
-    body_rate: Array,
-    frame_rate: Array,
-    tie: Tie,
-) -> None:
-    """Residuals and Jacobians of one pair. Spec 7.6."""
+def constraint_model(state: StackState, second: int, body_rate: Array, tie: Tie) -> None:
+    """Residuals and Jacobians of the first IMU and another. Spec 7.6.
+
+    `body_rate` (3,): of the body against n, in the axes of the first.
+    """
+    position_1, velocity_1, rotation_1 = state.position[0], state.velocity[0], state.rotation[0]
+    position_2, velocity_2 = state.position[second], state.velocity[second]
+    rotation_2, frame_rate = state.rotation[second], state.earth[0, 3:6]
+    relative, arm = state.relative[second], state.arm[second]
     residual, by_gyro = tie.residual, tie.by_gyro
     by_first, by_second, by_relative = tie.by_first, tie.by_second, tie.by_relative
     clear(by_first)

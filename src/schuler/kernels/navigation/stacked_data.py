@@ -77,6 +77,26 @@ class StackState:
     ties: Counter
     nodes: Counter
 
+    @classmethod
+    def empty(cls, k: int, states: int, layout: tuple[int, ...]) -> StackState:
+        """Room for k IMUs and so many states; `layout` is the shape of the sensors' drift."""
+        three = ("position", "velocity", "arm", "angle", "velocity_increment", "coning", "sculling")
+        made: dict[str, Any] = {name: np.zeros((k, 3)) for name in three}
+        made |= {name: np.zeros((k, 4)) for name in ("quaternion", "relative_quaternion")}
+        made |= {name: np.zeros((k, 3, 3)) for name in ("rotation", "relative")}
+        made |= {name: np.zeros(layout) for name in ("transition", "noise")}
+        made |= {name: np.zeros(1) for name in ("step", "log_likelihood")}
+        made |= {name: np.zeros(1, np.int64) for name in ("aided", "ties", "nodes")}
+        return cls(
+            sensor=np.zeros(layout[0]),
+            covariance=np.zeros((states, states)),
+            earth=np.zeros((k, 10)),
+            past=np.zeros((k, 3, 6)),
+            discretised=np.full(1, -1.0),
+            refused=np.zeros(2, np.int64),
+            **made,
+        )
+
 
 @structure
 class StackModel:

@@ -20,7 +20,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.kernels.compile import kernel
+from schuler.kernels.structure_fields import Vector
+from schuler.kernels.structures import structure
 from schuler.kernels.types import FloatArray
+
+
+@structure
+class NoiseElements:
+    """What a process is made of, in units of samples; see `schuler.noise.Process.elements`."""
+
+    white: float
+    quantization: float
+    walk: float
+    flicker: float
+    gm_variance: Vector
+    gm_time: Vector
 
 
 @kernel(inline=True)
@@ -54,21 +68,14 @@ def _log_square(y: float) -> float:
 
 
 @kernel()
-def _difference(
-    y: float,
-    m: float,
-    white: float,
-    walk: float,
-    flicker: float,
-    gm_variance: FloatArray,
-    gm_time: FloatArray,
-) -> float:
+def _difference(y: float, m: float, noise: NoiseElements) -> float:
     """Second difference of K over m at y; constants (which the second one removes) may differ."""
+    walk, flicker, gm_time = noise.walk, noise.flicker, noise.gm_time
     y = abs(y)
     total = 0.0
     if y < m:
         # K = -white |u|/2 + walk |u|³/12
-        total -= white * (m - y)
+        total -= noise.white * (m - y)
         total += walk / 12.0 * ((m - y) ** 3 + (m + y) ** 3 - 2.0 * y**3)
     else:
         total += 0.5 * walk * m * m * y
@@ -81,25 +88,16 @@ def _difference(
             total += flicker * m * m * (math.log(y) + 1.5 - ratio / 12.0 - ratio * ratio / 60.0)
     for k in range(gm_time.size):  # K = -variance Tc² (exp(-|u|/Tc) + |u|/Tc)
         t = gm_time[k]
-        total -= gm_variance[k] * t * t * _exponential_difference(y / t, m / t)
+        total -= noise.gm_variance[k] * t * t * _exponential_difference(y / t, m / t)
     return total
 
 
 @kernel()
-def _lag_covariance(
-    s: float,
-    m: float,
-    n: float,
-    white: float,
-    walk: float,
-    flicker: float,
-    gm_variance: FloatArray,
-    gm_time: FloatArray,
-) -> float:
+def _lag_covariance(s: float, m: float, n: float, noise: NoiseElements) -> float:
     """C(s) for second differences over m <= n, all but quantisation."""
-    before = _difference(s - n, m, white, walk, flicker, gm_variance, gm_time)
-    at = _difference(s, m, white, walk, flicker, gm_variance, gm_time)
-    after = _difference(s + n, m, white, walk, flicker, gm_variance, gm_time)
+    before = _difference(s - n, m, noise)
+    at = _difference(s, m, noise)
+    after = _difference(s + n, m, noise)
     return before - 2.0 * at + after
 
 
@@ -148,18 +146,14 @@ def _sum_of_squares(
     m: float,
     n: float,
     terms: float,
-    white: float,
-    quantization: float,
-    walk: float,
-    flicker: float,
-    gm_variance: FloatArray,
-    gm_time: FloatArray,
+    noise: NoiseElements,
     edges: FloatArray,
 ) -> float:
     """Sum over all integer lags of w(s) C(s)²."""
-    rough = flicker > 0.0 or gm_time.size > 0
+    white, quantization = noise.white, noise.quantization
+    rough = noise.flicker > 0.0 or noise.gm_time.size > 0
     end = terms + n - m  # where no pair of terms is left
-    count = _panels(m, n, end, rough, gm_time, edges)
+    count = _panels(m, n, end, rough, noise.gm_time, edges)
     total = 0.0
     # four-point Gauss-Legendre: exact for the piecewise polynomials of white noise and walks
     inner, outer = 0.33998104358485626, 0.86113631159405258
@@ -169,21 +163,21 @@ def _sum_of_squares(
         for sign in (-1.0, 1.0):
             for node, weight in ((inner, inner_weight), (outer, outer_weight)):
                 s = centre + sign * node * half
-                c = _lag_covariance(s, m, n, white, walk, flicker, gm_variance, gm_time)
+                c = _lag_covariance(s, m, n, noise)
                 pairs = terms - max(0.0, s - (n - m))
                 total += 2.0 * half * weight * pairs * c * c
     # The sum over integers against the integral (Euler-Maclaurin at the kinks of w and of white
     # noise), and quantisation, which lives at single lags.
-    c = _lag_covariance(n - m, m, n, white, walk, flicker, gm_variance, gm_time)
+    c = _lag_covariance(n - m, m, n, noise)
     total += c * c / 6.0
-    c = _lag_covariance(end, m, n, white, walk, flicker, gm_variance, gm_time)
+    c = _lag_covariance(end, m, n, noise)
     total -= c * c / 6.0
     for a in range(-1, 2):
         for b in range(-1, 2):
             s = b * n - a * m
             pairs = max(0.0, terms - max(0.0, abs(s) - (n - m)))
             weight = (1.0 if a != 0 else -2.0) * (1.0 if b != 0 else -2.0)
-            c = _lag_covariance(s, m, n, white, walk, flicker, gm_variance, gm_time)
+            c = _lag_covariance(s, m, n, noise)
             total += pairs * weight * c * (white / 6.0 + 2.0 * quantization)
             for p in range(-1, 2):
                 for q in range(-1, 2):
@@ -197,30 +191,23 @@ def _sum_of_squares(
 def relative_covariance(
     factors: NDArray[np.int64],
     size: int,
-    white: float,
-    quantization: float,
-    walk: float,
-    flicker: float,
-    gm_variance: FloatArray,
-    gm_time: FloatArray,
+    noise: NoiseElements,
     diagonal_only: bool,
     out: FloatArray,
 ) -> None:
     """Covariance of overlapping Allan variances over the product of their expectations."""
-    edges = np.empty(5 * (1 + 4 * (1 + gm_time.size)) + 1)
+    edges = np.empty(5 * (1 + 4 * (1 + noise.gm_time.size)) + 1)
     expected = np.empty(factors.size)
     for i in range(factors.size):
         m = float(factors[i])
-        c = _lag_covariance(0.0, m, m, white, walk, flicker, gm_variance, gm_time)
-        expected[i] = c + 6.0 * quantization
+        c = _lag_covariance(0.0, m, m, noise)
+        expected[i] = c + 6.0 * noise.quantization
     for j in range(factors.size):
         n = float(factors[j])
         terms = size - 2.0 * n
         for i in range(j if diagonal_only else 0, j + 1):
             m = float(factors[i])
-            squares = _sum_of_squares(
-                m, n, terms, white, quantization, walk, flicker, gm_variance, gm_time, edges
-            )
+            squares = _sum_of_squares(m, n, terms, noise, edges)
             pairs = terms * (size - 2.0 * m)
             out[i, j] = 2.0 * squares / (pairs * expected[i] * expected[j])
             out[j, i] = out[i, j]

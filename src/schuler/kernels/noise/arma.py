@@ -23,9 +23,7 @@ def settle(
     state: FloatArray,
     response_state: FloatArray,
     sums: FloatArray,
-    residual: FloatArray,
-    response: FloatArray,
-    log_variance: FloatArray,
+    out: FloatArray,
 ) -> int:
     """Run the filter with its full covariance until its gains are constant."""
     s = phi.size
@@ -46,10 +44,10 @@ def settle(
         sums[1] += u * o
         sums[2] += o * o
         sums[3] += np.log(variance)
-        if residual.size > 0:
-            residual[t] = u
-            response[t] = o
-            log_variance[t] = np.log(variance)
+        if out.size > 0:
+            out[0, t] = u
+            out[1, t] = o
+            out[2, t] = np.log(variance)
         for i in range(s):
             gain[i] = covariance[i, 0] / variance
         for i in range(s):
@@ -78,30 +76,21 @@ def exact_innovations(
     phi: FloatArray,
     theta: FloatArray,
     covariance: FloatArray,
-    residual: FloatArray,
-    response: FloatArray,
-    log_variance: FloatArray,
+    out: FloatArray,
 ) -> tuple[float, float, float, float]:
-    """Standardised innovations u of a signal and o of a constant, and what the likelihood needs."""
+    """Standardised innovations u of a signal and o of a constant, and what the likelihood needs.
+
+    `out` (3, n) or (3, 0): u, o and the logarithms of the variances, where they are wanted.
+    """
     s = phi.size
     state = np.zeros(s + 1)
     response_state = np.zeros(s + 1)
     sums = np.zeros(4)
-    start = settle(
-        signal,
-        phi,
-        theta,
-        covariance,
-        state[:s],
-        response_state[:s],
-        sums,
-        residual,
-        response,
-        log_variance,
-    )
+    start = settle(signal, phi, theta, covariance, state[:s], response_state[:s], sums, out)
     n = signal.size
+    residual, response, log_variance = out[0], out[1], out[2]
     uu, uo, oo = sums[0], sums[1], sums[2]
-    write = residual.size > 0
+    write = out.size > 0
     if s <= 5 and (s < 5 or phi[4] == 0.0):
         # up to four lags: states in registers, the hot loop of every fit
         f1, f2, f3, f4 = 0.0, 0.0, 0.0, 0.0

@@ -99,18 +99,20 @@ def garch11_slopes(
 def arma_garch_slopes(
     signal: FloatArray,
     parameters: FloatArray,
-    p: int,
-    q: int,
-    shocks: int,
-    memories: int,
+    orders: tuple[int, int, int, int],
     before: float,
     score: FloatArray,
     information: FloatArray,
     outer: FloatArray,
-    residual: FloatArray,
-    variances: FloatArray,
+    work: FloatArray,
 ) -> float:
-    """Log likelihood of ARMA(p, q) with GARCH(shocks, memories) innovations, less its constant."""
+    """Log likelihood of ARMA(p, q) with GARCH(shocks, memories) innovations, less its constant.
+
+    orders: p, q, shocks, memories; p of -1: without a mean; work (2, n): residuals
+    and variances.
+    """
+    p, q, shocks, memories = orders
+    residual, variances = work[0], work[1]
     k = parameters.size
     lead = p + q + 1
     mean = parameters[0] if p >= 0 else 0.0

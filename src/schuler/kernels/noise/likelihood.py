@@ -16,22 +16,33 @@ import math
 import numpy as np
 
 from schuler.kernels.compile import kernel
+from schuler.kernels.structure_fields import Matrix, Vector
+from schuler.kernels.structures import structure
 from schuler.kernels.types import FloatArray
+
+
+@structure
+class SideBySide:
+    """Constants of f filters of d states: phi, a (load), q (drive), c (shared), r (noise, (f,)).
+
+    stationary (f, d): variances of the states that have one.
+    """
+
+    phi: Matrix
+    load: Matrix
+    drive: Matrix
+    shared: Matrix
+    stationary: Matrix
+    noise: Vector
 
 
 @kernel()
 def start_at_first(
-    first: float,
-    phi: FloatArray,
-    load: FloatArray,
-    drive: FloatArray,
-    shared: FloatArray,
-    noise: float,
-    stationary: FloatArray,
-    state: FloatArray,
-    covariance: FloatArray,
+    first: float, f: int, filters: SideBySide, state: FloatArray, covariance: FloatArray
 ) -> None:
-    """Write state and covariance predicted for the second value."""
+    """Write state and covariance of filter f predicted for the second value."""
+    phi, load, drive = filters.phi[f], filters.load[f], filters.drive[f]
+    shared, stationary, noise = filters.shared[f], filters.stationary[f], filters.noise[f]
     d = phi.size
     level = d - 1
     total = noise
@@ -58,17 +69,15 @@ def start_at_first(
 @kernel(inline=True)
 def covariance_step(
     f: int,
-    phi: FloatArray,
-    load: FloatArray,
-    drive: FloatArray,
-    shared: FloatArray,
-    noise: FloatArray,
+    filters: SideBySide,
     covariance: FloatArray,
     gain: FloatArray,
     work: FloatArray,
     tolerance: float,
 ) -> tuple[float, float]:
     """Write gain and covariance of filter f one step on; return innovation variance and change."""
+    phi, load, noise = filters.phi, filters.load, filters.noise
+    drive, shared = filters.drive, filters.shared
     d = phi.shape[1]
     variance = noise[f]
     for i in range(d):
@@ -139,18 +148,14 @@ def difference_products(
 @kernel()
 def likelihood_pass(
     values: FloatArray,
-    phi: FloatArray,
-    load: FloatArray,
-    drive: FloatArray,
-    shared: FloatArray,
-    noise: FloatArray,
-    stationary: FloatArray,
+    many: SideBySide,
     step: float,
     tolerance: float,
     score: FloatArray,
     information: FloatArray,
 ) -> tuple[float, float]:
     """Run f filters; filter 0 has the parameters, filter i has parameter i moved by `step`."""
+    phi, load = many.phi, many.load
     n, filters, d = values.size, phi.shape[0], phi.shape[1]
     state, gain = np.empty((filters, d)), np.empty((filters, d))
     covariance, work = np.empty((filters, d, d)), np.empty(d)
@@ -160,26 +165,14 @@ def likelihood_pass(
         for j in range(filters - 1):
             information[i, j] = 0.0
     for i in range(filters):
-        start_at_first(
-            values[0],
-            phi[i],
-            load[i],
-            drive[i],
-            shared[i],
-            noise[i],
-            stationary[i],
-            state[i],
-            covariance[i],
-        )
+        start_at_first(values[0], i, many, state[i], covariance[i])
     deviance = 0.0
     k = 1
     steady = False
     while k < n and not steady:
         steady = True
         for i in range(filters):
-            variance[i], change = covariance_step(
-                i, phi, load, drive, shared, noise, covariance, gain, work, tolerance
-            )
+            variance[i], change = covariance_step(i, many, covariance, gain, work, tolerance)
             steady = steady and change <= 0.0
             error = values[k]
             for j in range(d):

@@ -217,32 +217,15 @@ def stack_start(
     blocks = model.offset[:-1, None] + np.arange(9)
     places = np.setdiff1d(np.arange(model.offset[-1]), blocks)
     covariance[np.ix_(places, places)] += sensors.covariance
-    return StackState(
-        position=np.stack([geodetic_from_ned(c_nb @ a, body.position) for a in arms]),
-        velocity=np.tile(body.velocity, (k, 1)),
-        quaternion=quaternion,
-        rotation=_rotations(quaternion),
-        relative_quaternion=relative,
-        relative=_rotations(relative),
-        arm=np.stack([mounting.rotation[0].T @ (a - arms[0]) for a in arms]),
-        sensor=sensors.state.copy(),
-        covariance=0.5 * (covariance + covariance.T),
-        earth=np.zeros((k, 10)),
-        angle=np.zeros((k, 3)),
-        velocity_increment=np.zeros((k, 3)),
-        coning=np.zeros((k, 3)),
-        sculling=np.zeros((k, 3)),
-        past=np.zeros((k, 3, 6)),
-        transition=np.zeros(model.sensors.drift.shape),
-        noise=np.zeros(model.sensors.drift.shape),
-        discretised=np.full(1, -1.0),
-        step=np.zeros(1),
-        log_likelihood=np.zeros(1),
-        refused=np.zeros(2, dtype=np.int64),
-        aided=np.zeros(1, dtype=np.int64),
-        ties=np.zeros(1, dtype=np.int64),
-        nodes=np.zeros(1, dtype=np.int64),
-    )
+    state = StackState.empty(k, len(covariance), model.sensors.drift.shape)
+    state.position[:] = [geodetic_from_ned(c_nb @ a, body.position) for a in arms]
+    state.velocity[:] = body.velocity
+    state.quaternion[:], state.rotation[:] = quaternion, _rotations(quaternion)
+    state.relative_quaternion[:], state.relative[:] = relative, _rotations(relative)
+    state.arm[:] = [mounting.rotation[0].T @ (a - arms[0]) for a in arms]
+    state.sensor[:] = sensors.state
+    state.covariance[:] = 0.5 * (covariance + covariance.T)
+    return state
 
 
 def _rotations(quaternions: FloatArray) -> FloatArray:

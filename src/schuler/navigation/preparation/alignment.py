@@ -14,8 +14,9 @@ import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import NavigationError
-from schuler.navigation.engine import InitialState
-from schuler.navigation.preparation.dead_reckoning import dead_reckon
+from schuler.navigation.aiding.schedule import POSITION, schedule_rows
+from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigation.error_models.sensor_states import no_sensor_states
 from schuler.navigation.preparation.moving_start import (
     LEVELLING,
     MOTION_GYRO_SD,
@@ -360,3 +361,15 @@ def _with_velocity_from_position(gnss: GnssRecording) -> GnssRecording:
     # a metre in two epochs, and what the vehicle may do between them
     sd = np.repeat((0.5 + 0.5 * np.maximum(step - 1.0, 0.0))[:, None], 3, axis=1)
     return replace(gnss, velocity=velocity, velocity_sd=sd)
+
+
+def dead_reckon(
+    imu: ImuRecording, position: FloatArray, velocity: FloatArray, rotation: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Integrate an IMU without any aiding."""
+    nothing = schedule_rows(np.empty(0), POSITION, np.empty((0, 3)), np.empty((0, 3)))
+    start = InitialState(position, velocity, rotation, np.empty(0), np.zeros((9, 9)))
+    run = run_engine(
+        imu, start, no_sensor_states(), nothing, gate=gate_thresholds(0.0), keep_nodes=False
+    )
+    return run.samples.position, run.samples.velocity, run.samples.rotation

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +12,10 @@ from schuler.data.gnss import GnssRecording
 from schuler.data.trajectory import NavigationSolution, Trajectory
 from schuler.earth import ned_from_geodetic
 from schuler.errors import InputError
-from schuler.report.blocks import Facts, FigureGrid, LegendItem, Section, Table
+from schuler.report.blocks import Facts, FigureGrid, Finding, Findings, LegendItem, Section, Table
 from schuler.report.figures import axis, limits, line, marks
-from schuler.report.makers import plot
+from schuler.report.makers import moments, plot, things
 from schuler.report.numbers import duration, number
-from schuler.report.sections.navigation.condition import condition_section
 from schuler.report.sections.navigation.filtering import innovation_section, sensor_error_section
 from schuler.report.sections.navigation.sensor_faults import sensor_fault_sections
 from schuler.report.sections.navigation.uncertainty import uncertainty_section
@@ -265,3 +265,24 @@ def motion_figures(trajectory: Trajectory, spans: tuple[tuple[float, float], ...
         for title, values, unit, colour in curves
     )
     return FigureGrid(figures, caption="Attitude takes the axes of the IMU into north-east-down.")
+
+
+def condition_section(findings: Sequence[dict[str, Any]]) -> Section:
+    """Show the findings of a run."""
+    order = {"error": 0, "warning": 1, "info": 2}
+    items = tuple(
+        Finding(
+            f["severity"],
+            f"{f['message']}." if not f["cure"] else f"{f['message']}: {f['cure']}.",
+            moments(f["intervals_s"], f["severity"]),
+        )
+        for f in sorted(findings, key=lambda f: order.get(f["severity"], 3))
+    )
+    serious = sum(f["severity"] != "info" for f in findings)
+    if not items:
+        items = (Finding("good", "Nothing to remark: IMU and GNSS fit each other throughout."),)
+    if serious:
+        sentence = f"The drive shows {things(serious)}."
+    else:
+        sentence = "The recordings of the drive are whole and fit each other."
+    return Section("Condition of the drive", (Findings(items),), (sentence,))
