@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("resource", reason="limits of memory are of Unix")
 fuzz = pytest.importorskip("benchmarks.fuzz")
-FINDS = sorted((Path(__file__).parent / "finds").iterdir())
+FINDS = sorted((Path(__file__).parent / "finds").glob("*"))
 
 
 def test_a_few_damaged_files_of_every_format():
