@@ -40,6 +40,15 @@ class NavigationOptions(TypedDict, total=False):
     measurements: MeasurementOptions
 
 
+class RunOptions(NavigationOptions, total=False):
+    """With those that `navigate` names itself, for what has many of its own."""
+
+    outages: Sequence[tuple[float, float]]
+    smooth: bool | Literal["fixed-lag"]
+    lag: float
+    progress: Progress | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class NavigationSettings:
     """What is known of a run, and how it is filtered; the keywords of `navigate`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,6 +34,7 @@ from schuler.data import ImuArray, ImuRecording
 from schuler.data._checks import median_step
 from schuler.data.exportable import Exportable
 from schuler.errors import InputError
+from schuler.keywords import refuse_unknown
 from schuler.noise import NoiseModel
 from schuler.types import FloatArray
 
@@ -152,6 +153,17 @@ class SyntheticImu(Exportable):
         }
 
 
+class SynthesisOptions(TypedDict, total=False):
+    """Keywords of `synthesize` that few runs need; explained there."""
+
+    arma: tuple[int, int]
+    static: ImuArray | None
+    scales: Sequence[float]
+    causal: bool
+    gyro_range: float | None
+    name: str
+
+
 def synthesize(
     array: ImuArray,
     weights: Weights = "auto",
@@ -161,12 +173,7 @@ def synthesize(
     covariance: dict[Sensor, ArrayLike] | None = None,
     noise_models: Sequence[NoiseModel] | None = None,
     faults: FaultSettings | None = None,
-    arma: tuple[int, int] = (0, 0),
-    static: ImuArray | None = None,
-    scales: Sequence[float] = (1.0, 10.0),
-    causal: bool = True,
-    gyro_range: float | None = None,
-    name: str = "synthetic",
+    **options: Unpack[SynthesisOptions],
 ) -> SyntheticImu:
     """Return one IMU out of several.
 
@@ -193,19 +200,19 @@ def synthesize(
     faults : FaultSettings, optional
         Look for faults too, and do without what is faulty; the weights are then "ewma", or with
         their `online` settings.
-    arma : tuple of int
+    arma : tuple of int, default (0, 0)
         Orders of the conditional mean for "garch".
-    static : ImuArray, optional
+    static : ImuArray or None, default None
         For "wavelet": the same array at rest; this one if not given.
-    scales : sequence of float
+    scales : sequence of float, default (1, 10)
         For "wavelet", s.
-    causal : bool
+    causal : bool, default True
         Angular accelerations for the lever arms from the past alone; from both sides otherwise.
-    gyro_range : float, optional
+    gyro_range : float or None, default None
         Full scale of the gyros, rad/s: beyond it the rate comes from accelerometers at known
         places, together with the gyros that are in range. Found where values pile up at one end if
         not given.
-    name : str
+    name : str, default "synthetic"
         Of the recording.
 
     Returns
@@ -237,6 +244,10 @@ def synthesize(
     >>> round(float(fused.imu.gyro.std() / gyro.std()), 1)
     0.5
     """
+    refuse_unknown(synthesize, options, SynthesisOptions)
+    static, gyro_range = options.get("static"), options.get("gyro_range")
+    arma, scales = options.get("arma", (0, 0)), options.get("scales", (1.0, 10.0))
+    causal, name = options.get("causal", True), options.get("name", "synthetic")
     if weights not in WEIGHTS:
         raise InputError(f"weights '{weights}'", expected=f"one of {', '.join(WEIGHTS)}")
     how = OnlineSettings() if settings is None else settings

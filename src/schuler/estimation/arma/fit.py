@@ -91,9 +91,7 @@ def fit_arma(
         raise InputError(f"mean '{mean}'", expected="'ml', 'sample' or 'zero'")
     scaled = Scaled.of(values, rate, zero=mean == "zero")
     best = search(scaled.unit, p, q, known_mean=mean != "ml")
-    return finish(
-        scaled, best, p, errors, _cancelling(scaled.unit, best, p), zero=mean == "zero"
-    )
+    return finish(scaled, best, p, errors, _cancelling(scaled.unit, best, p), zero=mean == "zero")
 
 
 def check_orders(p: int, q: int) -> None:

@@ -15,6 +15,7 @@ from typing import Any, Literal, Unpack, get_args
 from schuler.data import GnssRecording, NavigationSolution
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
+from schuler.keywords import refuse_unknown
 from schuler.navigation.aiding.options import CLAIMED
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
@@ -27,12 +28,7 @@ from schuler.navigation.mechanizations.system_level import Vote, run_system
 from schuler.navigation.navigate import check_smoothing, withhold
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.run import run
-from schuler.navigation.settings import (
-    NavigationOptions,
-    NavigationSettings,
-    Progress,
-    navigation_settings,
-)
+from schuler.navigation.settings import NavigationSettings, RunOptions, navigation_settings
 from schuler.noise.noise_model import NoiseModel
 
 Mechanization = Literal["single", "synthetic", "extended", "constrained", "system"]
@@ -84,11 +80,7 @@ def navigate_array(
     rigid: RigidBody | None = None,
     faults: bool = True,
     weights: FilterWeights = "auto",
-    outages: Sequence[tuple[float, float]] = (),
-    smooth: bool | Literal["fixed-lag"] = False,
-    lag: float = 5.0,
-    progress: Progress | None = None,
-    **options: Unpack[NavigationOptions],
+    **options: Unpack[RunOptions],
 ) -> ArrayNavigation:
     """Estimate the trajectory of a body that carries several IMUs and a GNSS antenna.
 
@@ -118,9 +110,10 @@ def navigate_array(
         where it is asked for: by the noise models; by one variance for all that follows the noise;
         by a variance for every axis that does. "auto" follows every axis where healthy sensors
         differ by noise alone (all together with two IMUs), and keeps the noise models otherwise.
-    outages, smooth, lag, progress, **options
-        As for `navigate`; the body takes the place of the IMU, and its origin that of the lever
-        arm. The "constrained" filter is causal and uses GNSS alone.
+    **options
+        outages, smooth, lag, progress and all others as for `navigate`; the body takes the place
+        of the IMU, and its origin that of the lever arm. The "constrained" filter is causal and
+        uses GNSS alone.
 
     Returns
     -------
@@ -135,6 +128,9 @@ def navigate_array(
     NavigationError
         As `navigate`.
     """
+    refuse_unknown(navigate_array, options, RunOptions)
+    outages, progress = options.pop("outages", ()), options.pop("progress", None)
+    smooth, lag = options.pop("smooth", False), options.pop("lag", 5.0)
     check_smoothing(smooth)
     settings = navigation_settings(navigate_array, options)
     check_mechanization(mechanization, settings, smooth=bool(smooth))
