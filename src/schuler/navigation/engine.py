@@ -234,20 +234,27 @@ def gate_thresholds(false_alarm: float) -> FloatArray:
     return np.concatenate([[0.0], 2.0 * gammaincinv(half, 1.0 - false_alarm)])
 
 
+class EngineOptions(FilterOptions, total=False):
+    """Keywords of a run over a recording: noise and sensors that change, and what is kept."""
+
+    white_scale: FloatArray | None
+    keep_samples: bool
+    keep_nodes: bool
+    smoother_memory: float
+    stretches: SensorStretches | None
+
+
 def run_engine(
     imu: ImuRecording,
     initial: InitialState,
     model: SensorErrorModel,
     schedule: AidingSchedule,
-    *,
-    white_scale: FloatArray | None = None,
-    keep_samples: bool = True,
-    keep_nodes: bool = True,
-    smoother_memory: float = SMOOTHER_MEMORY,
-    stretches: SensorStretches | None = None,
-    **how: Unpack[FilterOptions],
+    **how: Unpack[EngineOptions],
 ) -> FilterRun:
     """Run the filter over a recording."""
+    keep_samples, keep_nodes = how.pop("keep_samples", True), how.pop("keep_nodes", True)
+    white_scale, stretches = how.pop("white_scale", None), how.pop("stretches", None)
+    smoother_memory = how.pop("smoother_memory", SMOOTHER_MEMORY)
     stepper = FilterStepper(initial, model, accumulating=keep_nodes, **how)
     node_interval = how.get("node_interval", NODE_INTERVAL)
     n, u, s = imu.size, schedule.size, stepper.size
