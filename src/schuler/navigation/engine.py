@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import Unpack
+from typing import Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,7 +255,7 @@ def run_engine(
     keep_samples, keep_nodes = how.pop("keep_samples", True), how.pop("keep_nodes", True)
     white_scale, stretches = how.pop("white_scale", None), how.pop("stretches", None)
     smoother_memory = how.pop("smoother_memory", SMOOTHER_MEMORY)
-    stepper = FilterStepper(initial, model, accumulating=keep_nodes, **how)
+    stepper = FilterStepper(initial, model, accumulating=keep_nodes, **cast("FilterOptions", how))
     node_interval = how.get("node_interval", NODE_INTERVAL)
     n, u, s = imu.size, schedule.size, stepper.size
     k = u + int(imu.duration / node_interval) + 3
