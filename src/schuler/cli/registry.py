@@ -23,6 +23,7 @@ VERBS = (
     "export",
     "geometry",
     "batch",
+    "denoise",
     "convert",
     "read",
     "formats",

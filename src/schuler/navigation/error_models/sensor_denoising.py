@@ -6,6 +6,7 @@ data (spec 2.5). What it takes away is motion above its band, and, in real time,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -17,6 +18,8 @@ from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 
 Form = Literal["off-line", "causal"]
+PAPERS_RATE = 100.0
+"""Hz, of the sensor in S004."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +53,14 @@ class SensorDenoising(Exportable):
         object.__setattr__(self, "levels", dict(self.levels))
 
     @classmethod
-    def table_7(cls, form: Form = "off-line") -> SensorDenoising:
-        """Seven levels, six for the accelerometers y and z: S004 table 7."""
-        return cls({c: 6 if c in ("accel_y", "accel_z") else 7 for c in CHANNELS}, form=form)
+    def table_7(cls, form: Form = "off-line", rate: float = PAPERS_RATE) -> SensorDenoising:
+        """Seven levels, six for the accelerometers y and z: S004 table 7.
+
+        At another rate than the paper's as many as leave the same band.
+        """
+        more = round(math.log2(rate / PAPERS_RATE))
+        usual = {c: 6 if c in ("accel_y", "accel_z") else 7 for c in CHANNELS}
+        return cls({c: max(level + more, 1) for c, level in usual.items()}, form=form)
 
     @property
     def reach(self) -> int:

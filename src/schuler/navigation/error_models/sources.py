@@ -23,7 +23,7 @@ from schuler.navigation.error_models.changing_noise import (
     fitted_noise,
     rest_variance,
 )
-from schuler.navigation.error_models.sensor_denoising import SensorDenoising
+from schuler.navigation.error_models.sensor_denoising import PAPERS_RATE, SensorDenoising
 from schuler.noise import NoiseModel
 
 SIMULATED_REST = 7200.0
@@ -100,7 +100,7 @@ def error_models(
             readings,
             autoregressive=fits.get(ORDERS.get(base, 0)),
             noise_model=noise_model,
-            denoising=SensorDenoising.table_7(denoising),
+            denoising=SensorDenoising.table_7(denoising, rate or PAPERS_RATE),
             changing_noise=next((changing[o] for o in options if o in changing), None),
         )
         built.append(replace(model, notes=model.notes + note) if base in ORDERS else model)
