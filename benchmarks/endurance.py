@@ -35,6 +35,7 @@ from schuler import (
     SensorErrorModel,
     WhiteNoise,
     earth,
+    gate_thresholds,
     sensor_error_model,
 )
 from schuler.errors import SchulerError
@@ -80,8 +81,8 @@ class Run:
 PLACES = (
     Run("usual", 300.0),
     Run("near the north pole", 300.0, latitude=89.9),
-    Run("at the north pole", 300.0, latitude=89.9999),
-    Run("at the south pole", 300.0, latitude=-89.9999),
+    Run("1.1 km from north pole", 300.0, latitude=89.99),
+    Run("1.1 km from south pole", 300.0, latitude=-89.99),
     Run("date line", 300.0, longitude=179.9999),
     Run("-400 m", 300.0, height=-400.0),
     Run("40 km", 300.0, height=40e3),
@@ -238,7 +239,7 @@ def _started(circle: Circle, model: SensorErrorModel, now: float) -> NavigationF
         np.zeros(model.size),
         covariance,
     )
-    return NavigationFilter(initial, model, rate=circle.run.rate)
+    return NavigationFilter(initial, model, rate=circle.run.rate, gate=gate_thresholds(0.0))
 
 
 def _metres(one: np.ndarray, other: np.ndarray) -> np.ndarray:
