@@ -31,6 +31,8 @@ LARGEST_ANGLE = float(np.radians(10.0))
 """Between gravity in two IMUs: biases of 0.1 g in both do not make more."""
 NORM_TOLERANCE = 0.1
 """A force that is as long as that of the others to this share is not broken, but turned."""
+ROTATION_FORCE = 0.5
+"""Centripetal acceleration between IMUs beyond which their forces are not compared, m/s²."""
 LIVELY = 0.75
 """Share of the means that is too calm to tell what turns explain."""
 GRAVITY = (8.8, 10.8)
@@ -76,6 +78,11 @@ def check_axes(array: ImuArray) -> AxesCheck:
     body = array.in_body()
     rates = _means(body.gyro, body.rate, RATE_BLOCK)
     forces = _means(body.accel, body.rate, FORCE_BLOCK)
+    # where rotation pushes IMUs apart they do not feel one force
+    square = _means(body.gyro**2, body.rate, FORCE_BLOCK).sum(axis=2)
+    spin = np.median(np.nan_to_num(square), axis=1)
+    reach = float(np.ptp(array.mounting.position, axis=0).max())
+    forces[spin * reach > ROTATION_FORCE] = np.nan
     force = np.array([_median(np.linalg.norm(forces[:, i], axis=1)) for i in range(array.count)])
     turn, turn_sd, known, apart = _turns(rates)
     angles = _gravity_angles(forces)
