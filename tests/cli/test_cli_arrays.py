@@ -252,3 +252,20 @@ def test_no_imu_at_all_is_said(drive: dict[str, Path], call: Call) -> None:
     done = call("navigate", "--gnss", str(drive["gnss"]))
     assert done.code == 2
     assert "no IMU" in done.err
+
+
+def test_faults_can_be_left_alone_and_weights_are_named(
+    drive: dict[str, Path], call: Call, tmp_path: Path
+) -> None:
+    out, judged = tmp_path / "one.json", []
+    for more in ((), ("--without-faults", "--weights", "constant")):
+        done = call("navigate", *arguments(drive), *more, "--json", str(out))
+        assert done.code == 0, done.err
+        told = json.loads(out.read_text(encoding="utf-8"))["settings"]["sensor_faults"]
+        judged.append(told["judged"])
+        assert told["taken_out"] == []
+    assert judged == [True, False]
+    wrong = call("navigate", *arguments(drive, "--weights", "loud"))
+    assert wrong.code == 2 and "weights 'loud'" in wrong.one_line()
+    other = call("navigate", *arguments(drive, "--weights", "ewma", "--mechanization", "system"))
+    assert other.code == 2 and "--weights" in other.one_line()
