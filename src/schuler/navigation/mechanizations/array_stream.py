@@ -171,6 +171,11 @@ class ArrayFilter:
         rate, force = self._pi[1] @ values[1], self._pi[0] @ values[0]
         if self._moment is not None:
             force = force - self._turned(row, rate[None])[0] @ self._moment
+        if self._kept and time - self._parity_from >= PARITY - 1e-9 and time > self.filter.time:
+            # before its sample: nothing has to be taken once more
+            self._kept = row + 1
+            self._measure_parity(self._parity_from, time)
+            self._parity_from, self._kept = time, row
         self.filter.add_imu(time, rate, force)
         self._kept = row + 1
         if self._kept == 1:
@@ -179,9 +184,6 @@ class ArrayFilter:
         if self._block and self._since >= self._block:
             self._since = 0
             self._look()
-        if time - self._parity_from >= PARITY - 1e-9:
-            self._measure_parity(self._parity_from, time)
-            self._parity_from = time
 
     def add_gnss(self, *fix: object, **more: object) -> bool:
         """Take one fix; see `NavigationFilter.add_gnss`."""
