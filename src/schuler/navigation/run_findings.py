@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.data import Innovations
+from schuler.navigation.aiding.schedule import KIND_NAMES, VEHICLE_VELOCITY, ZERO_VELOCITY
 from schuler.screening.screen import Finding
 
+CONSTRAINTS = KIND_NAMES[VEHICLE_VELOCITY : ZERO_VELOCITY + 1]
+"""Kinds of which more than a few refusals are told."""
 TOGETHER = 5.0
 """Refusals no further apart belong together, s."""
 MOST_INTERVALS = 20
 FEW = 0.05
 """Share of refused measurements that good runs have as well: fixes are not always what they say."""
+IN_A_ROW = 10
+"""Refusals within seconds of each other that are no chance: GNSS and filter disagree for long."""
 MANY = 0.3
 """Share of refused measurements at which a solution is not to be believed."""
 DISHONEST = 3.0
@@ -32,6 +37,9 @@ def findings_of_run(innovations: Innovations, *, split: bool = False) -> tuple[F
     """
     kinds = [k for k in innovations.kinds if k.startswith("GNSS")]
     found = [f for k in kinds for f in _refusals(innovations.of_kind(k), k)]
+    for kind in (k for k in innovations.kinds if k in CONSTRAINTS):
+        part = innovations.of_kind(kind)
+        found += [f for f in _refusals(part, kind) if part.accepted.mean() < 1.0 - FEW]
     gnss = innovations.gnss
     asked = int((gnss.degrees > 0).sum())
     refused = int((~gnss.accepted & (gnss.degrees > 0)).sum())
@@ -127,15 +135,17 @@ def _refusals(part: Innovations, kind: str) -> list[Finding]:
         text += f" (from {part.time[refused[0]]:.2f} to {part.time[refused[-1]]:.2f} s)"
     else:
         text += f" (most of them, {longest.size}, from {part.time[longest[0]]:.2f} s on)"
+    cure = "look at these times: GNSS is wrong there, or the filter is, by what it is aided with"
     return [
         Finding(
             "refused",
-            "info" if count <= FEW * of else "warning",
+            "info" if count <= FEW * of and longest.size < IN_A_ROW else "warning",
             text,
             (),
             tuple((float(part.time[g[0]]), float(part.time[g[-1]])) for g in groups)[
                 :MOST_INTERVALS
             ],
             most,
+            cure="" if longest.size < IN_A_ROW else cure,
         )
     ]

@@ -20,6 +20,7 @@ from schuler.navigation.error_models.sensor_error_model import (
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.alignment import Alignment, align
+from schuler.navigation.preparation.constraint_judge import judge_constraints
 from schuler.navigation.preparation.diagnosis import (
     BAD,
     DOUBTFUL,
@@ -140,7 +141,9 @@ def prepare_drive(
     say("aligning")
     prepared = start.first(base, imu)
     if not (settings.estimates_offset or tuned):
-        done = replace(prepared, setup=_aided(prepared, gnss, say))
+        aided = _aided(prepared, gnss, say)
+        judged = judge_constraints(prepared.imu, gnss, prepared.setup, aided)
+        done = replace(prepared, setup=judged)
         return replace(done, setup=fit_split(done.imu, gnss, done.setup))
     if settings.estimates_offset:
         say("looking for the time offset")
@@ -228,7 +231,7 @@ def _tuned(
     found = tune(part, gnss, setup, Sought(noise, settings.estimates_offset), say)
     aided = _aided(PreparedDrive(imu, found.setup), gnss, say)
     if not tuned or "nhc" not in settings.constraints:
-        return PreparedDrive(imu, aided)
+        return PreparedDrive(imu, judge_constraints(imu, gnss, found.setup, aided))
     # how well the vehicle keeps to its forward axis, with the noise of the sensors as it is now
     say("tuning the constraints of the vehicle")
     once_more = replace(
@@ -240,7 +243,7 @@ def _tuned(
     )
     known = {name: v for name, v in found.values.items() if "offset" not in name}
     both = tune(imu, gnss, once_more, Sought(noise, offsets=False, fixed=known), say)
-    return PreparedDrive(imu, both.setup)
+    return PreparedDrive(imu, judge_constraints(imu, gnss, found.setup, both.setup))
 
 
 def _name_wrong_unit(imu: ImuRecording, align_one: Callable[[ImuRecording], Alignment]) -> None:
