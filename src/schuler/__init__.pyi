@@ -53,6 +53,7 @@ from .data.gnss import GnssRecording as GnssRecording
 from .data.imu import ImuRecording as ImuRecording
 from .data.imu_calibration import ImuCalibration as ImuCalibration
 from .data.mounting import Mounting as Mounting
+from .data.track import Track as Track
 from .data.trajectory import Innovations as Innovations
 from .data.trajectory import NavigationSolution as NavigationSolution
 from .data.trajectory import Trajectory as Trajectory
@@ -110,6 +111,10 @@ from .estimation.residuals.tests import robust_autocorrelation_band as robust_au
 from .estimation.result import MethodIdentification as MethodIdentification
 from .estimation.slopes import slope_method as slope_method
 from .estimation.spectrum.fit import identify_spectrum as identify_spectrum
+from .evaluation.accuracy import TrajectoryEvaluation as TrajectoryEvaluation
+from .evaluation.accuracy import evaluate_trajectory as evaluate_trajectory
+from .evaluation.compare import ResultComparison as ResultComparison
+from .evaluation.compare import compare_results as compare_results
 from .evaluation.error_model_comparison import ErrorModelComparison as ErrorModelComparison
 from .evaluation.error_model_comparison import compare_error_models as compare_error_models
 from .evaluation.mechanizations import MechanizationComparison as MechanizationComparison
@@ -139,6 +144,7 @@ from .io.kalibr import write_kalibr as write_kalibr
 from .io.read import read_gnss as read_gnss
 from .io.read import read_imu as read_imu
 from .io.read import read_imus as read_imus
+from .io.tracks import read_track as read_track
 from .navigation.aiding.barometer import Barometer as Barometer
 from .navigation.aiding.barometer import height_of_pressure as height_of_pressure
 from .navigation.aiding.general import AidedState as AidedState
@@ -301,6 +307,7 @@ __all__ = [
     "Quantization",
     "RandomWalk",
     "RateRamp",
+    "ResultComparison",
     "RigidBody",
     "SampleJump",
     "Scenario",
@@ -315,7 +322,9 @@ __all__ = [
     "SpectrumCurve",
     "Synchronization",
     "SyntheticImu",
+    "Track",
     "Trajectory",
+    "TrajectoryEvaluation",
     "TurnOnBias",
     "WaveletVarianceCurve",
     "WhiteNoise",
@@ -341,6 +350,7 @@ __all__ = [
     "compare_methods",
     "compare_methods_imu",
     "compare_predictors",
+    "compare_results",
     "conditional_noise",
     "cornered_hat",
     "dcm_from_euler",
@@ -355,6 +365,7 @@ __all__ = [
     "error_models",
     "euler_from_dcm",
     "evaluate_outages",
+    "evaluate_trajectory",
     "ewma_variance",
     "fast_orthogonal_search",
     "figures_of_merit",
@@ -407,6 +418,7 @@ __all__ = [
     "read_gnss",
     "read_imu",
     "read_imus",
+    "read_track",
     "redundant_sensors",
     "repair",
     "robust_autocorrelation_band",

@@ -39,7 +39,7 @@ def assumptions() -> tuple[str, ...]:
 
 
 @contextmanager
-def _reading(name: str, place: str) -> Iterator[None]:
+def reading_file(name: str, place: str) -> Iterator[None]:
     """Show that a file is read; errors name the options of this program."""
     with progress(f"Reading {name}"):
         try:
@@ -67,7 +67,7 @@ def load_imu(
     """Read an IMU recording, calibrated when a calibration is given."""
     from schuler.io import read_imu
 
-    with _reading(path.name, place):
+    with reading_file(path.name, place):
         recording = read_imu(path, calibration=calibration, **how)
     _tell(path.name, recording.assumptions, place)
     return recording
@@ -77,7 +77,7 @@ def load_gnss(path: Path, how: dict[str, Any], place: str = "gnss") -> GnssRecor
     """Read a GNSS recording."""
     from schuler.io import read_gnss
 
-    with _reading(path.name, place):
+    with reading_file(path.name, place):
         recording = read_gnss(path, **how)
     _tell(path.name, recording.assumptions, place)
     return recording
@@ -97,7 +97,7 @@ def load_array(
     if not files:
         raise InputError("no file of an array", expected="at least one")
     name = ", ".join(f.name for f in files)
-    with _reading(name, place):
+    with reading_file(name, place):
         array = read_array(files if len(files) != 1 else files[0], clocks=clocks, **how)
         if calibration is not None:
             try:

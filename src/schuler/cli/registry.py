@@ -18,6 +18,8 @@ VERBS = (
     "navigate",
     "observability",
     "outages",
+    "evaluate",
+    "compare",
     "tune",
     "simulate",
     "export",

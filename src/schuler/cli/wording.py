@@ -28,6 +28,7 @@ _OPTIONS: Mapping[str, tuple[str, str, str]] = {
     "repair": ("--repair",) * 3,
     "close_up": ("--repair",) * 3,
     "increments": ("--increments",) * 3,
+    "align": ("--align",) * 3,
 }
 _COLUMN = ("--column", "--imu-column", "--gnss-column")
 _COLUMNS = ("--columns", "--imu-columns", "--gnss-columns")

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from schuler.cli.outputs import Outputs
     from schuler.data import GnssRecording, ImuRecording
 
-_TRACK = {"time_s", "latitude_deg", "longitude_deg", "height_m", "roll_deg"}
-
 
 def convert(
     source: Path,
@@ -49,12 +47,13 @@ def convert(
     """
     from schuler.cli.console import Screen
     from schuler.cli.outputs import Outputs
+    from schuler.io.tracks import trajectory_columns
 
     outputs = Outputs(target, inputs=reading.inputs(source))
     if source.suffix.lower() in {".yaml", ".yml"}:
         _noise(outputs, source, target, to, reading.rate, topic)
     else:
-        track = _trajectory(source)
+        track = trajectory_columns(source)
         if track is not None and kind is None:
             _write_track(outputs, track, target, to)
         else:
@@ -86,28 +85,6 @@ def _noise(
 
 def _bytes(path: Path, data: bytes) -> None:
     path.write_bytes(data)
-
-
-def _trajectory(source: Path) -> dict[str, Any] | None:
-    """Return the columns of a trajectory of ours; None when the file is something else."""
-    import polars
-
-    from schuler.io.tables.parquet_file import parquet_frame, parquet_schema
-
-    try:
-        if source.suffix.lower() == ".parquet":
-            if set(parquet_schema(source)[0]) >= _TRACK:
-                frame = parquet_frame(source)
-                return {n: frame[n].to_numpy() for n in frame.columns}
-        elif source.suffix.lower() == ".csv":
-            with source.open(encoding="utf-8", errors="replace") as stream:
-                head = set(stream.readline().strip().split(","))
-            if head >= _TRACK:
-                frame = polars.read_csv(source.read_bytes())
-                return {n: frame[n].to_numpy() for n in frame.columns}
-    except (polars.exceptions.PolarsError, OSError, InputError):
-        return None  # the reader of recordings says what is wrong
-    return None
 
 
 def _write_track(outputs: Outputs, track: dict[str, Any], target: Path, to: str | None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from schuler.cli.options.reading import DriveReading
 from schuler.cli.options.running import RunOptions
 from schuler.cli.options.sensors import SensorOptions
 from schuler.cli.parsing import title_of
+from schuler.cli.verbs.evaluate import Reference
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,11 +47,14 @@ class Answer:
         Use data up to so many seconds after every moment (fixed-lag smoother).
     out : Path, optional
         Write the trajectory here, .parquet or .csv.
+    truth : Path, optional
+        A better trajectory, in any form that `schuler evaluate` reads: the answer is judged by it.
     """
 
     smooth: bool = False
     lag: float | None = None
     out: Path | None = None
+    truth: Path | None = None
 
 
 def navigate(
@@ -63,6 +67,7 @@ def navigate(
     sensors: SensorOptions = SensorOptions(),
     told: OneModel = OneModel(),
     reading: DriveReading = DriveReading(),
+    reference: Reference = Reference(),
 ) -> int:
     """Compute position, velocity and attitude of a drive, with their uncertainty.
 
@@ -76,16 +81,45 @@ def navigate(
 
     files = several.files(run.imu)
     sensors.check()
-    inputs = (*files, reading.calibration, run.gnss, run.noise, told.static, *sensors.files)
-    job = Job(written, answer.out, inputs=inputs)
+    inputs = (*files, reading.calibration, run.gnss, run.noise, told.static)
+    job = Job(written, answer.out, inputs=(*inputs, answer.truth, *sensors.files))
     if answer.out is not None:
         check_trajectory_name(answer.out)
     if run.imu is not None:
-        return job.finish(_single(run.imu, run, answer, known, sensors, told, reading))
+        result = _single(run.imu, run, answer, known, sensors, told, reading)
+        return job.finish(_judged(result, answer.truth, reference))
     if told.model is not None:
         raise InputError("--model with --array", expected="one IMU (--imu)")
     _require_for_arrays(several, answer, known, sensors)
-    return job.finish(_array(run, answer, several, known, sensors, reading))
+    result = _array(run, answer, several, known, sensors, reading)
+    return job.finish(_judged(result, answer.truth, reference))
+
+
+def _judged(result: Result, truth: Path | None, reference: Reference) -> Result:
+    """Add the errors against a reference, where there is one, to what becomes of a run."""
+    if truth is None:
+        return result
+    from schuler.cli.verbs.evaluate import judged, show_evaluation
+    from schuler.report import NavigationResults
+
+    (results,) = result.sections
+    assert isinstance(results, NavigationResults)
+    found = [
+        replace(judged(solution, truth, reference), name=name)
+        for name, _, solution in results.solutions
+    ]
+
+    def show(screen: Screen) -> None:
+        result.show(screen)
+        for one in found:
+            show_evaluation(screen, one)
+
+    return replace(
+        result,
+        sections=(results, *found),
+        show=show,
+        json=lambda: result.json() | {"against_truth": {f.name: f.to_dict() for f in found}},
+    )
 
 
 def _single(
@@ -184,6 +218,7 @@ def _require_for_arrays(
         raise InputError(f"mechanization '{several.mechanization}'", expected=" or ".join(names))
     given = {
         "--out": answer.out is not None,
+        "--truth": answer.truth is not None,
         "--smooth": answer.smooth,
         "--lag": answer.lag is not None,
         "--aid": bool(known.aid),
