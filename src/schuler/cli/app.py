@@ -23,7 +23,8 @@ from schuler.execution.progress import behave
 _NEGATIVE = re.compile(r"-\.?\d")
 GOOD, FAILED_CHECK, BAD_INPUT, BUG, INTERRUPTED = 0, 1, 2, 70, 130
 EPILOGUE = (
-    "With every command: --quiet (no tables, no progress), --verbose (every step), --no-color.\n\n"
+    "With every command: --quiet (no tables, no progress), --verbose (every step), --no-color, "
+    "--force (write over files that exist).\n\n"
     "Exit codes: 0 all is well, 1 a check failed, 2 bad input (one line on stderr says why)."
 )
 
@@ -117,10 +118,11 @@ def _forget_stdout() -> None:
 
 def _behave(arguments: Sequence[str]) -> list[str]:
     """Take what every command understands out of its arguments."""
-    given = {name: f"--{name}" in arguments for name in ("quiet", "verbose", "no-color")}
+    given = {name: f"--{name}" in arguments for name in ("quiet", "verbose", "no-color", "force")}
     if given["quiet"] and given["verbose"]:
         raise InputError("--quiet and --verbose together", expected="one of them")
     MANNERS.quiet, MANNERS.no_color = given["quiet"], given["no-color"]
+    MANNERS.force = given["force"]
     behave("quiet" if given["quiet"] else "verbose" if given["verbose"] else "usual")
     return [a for a in arguments if not (a.startswith("--") and given.get(a[2:]))]
 

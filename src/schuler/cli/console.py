@@ -31,10 +31,18 @@ class Manners:
         Print no tables and no progress, only failed checks and errors.
     no_color : bool
         Print without colours.
+    force : bool
+        Write over files that exist.
     """
 
     quiet: bool = False
     no_color: bool = False
+    force: bool = False
+
+    def options(self) -> list[str]:
+        """Return the options that make another command behave alike."""
+        given = {"--quiet": self.quiet, "--no-color": self.no_color, "--force": self.force}
+        return [option for option, there in given.items() if there]
 
 
 MANNERS = Manners()

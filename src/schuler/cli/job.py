@@ -7,13 +7,15 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.console import Screen, printable, say
 from schuler.cli.loading import assumptions, forget_assumptions, say_when_compiling
 from schuler.cli.options.files import Written
-from schuler.cli.outputs import STDOUT, Outputs, json_text
+from schuler.cli.outputs import STDOUT, Outputs, json_text, refuse_existing
+from schuler.errors import InputError
 from schuler.execution.progress import Progress, progress
 
 if TYPE_CHECKING:
@@ -88,6 +90,7 @@ class Job:
         self.written = written
         self.inputs = tuple(path for path in inputs if path is not None)
         self.outputs = Outputs(*others, written.report, written.json, inputs=self.inputs)
+        self._check_figures()
         self.screen = Screen(json_on_stdout=written.json == STDOUT)
 
     def finish(self, result: Result) -> int:
@@ -98,6 +101,7 @@ class Job:
 
             page = render_report(*result.sections, title=result.title, provenance=origin)
             self.outputs.text(self.written.report, lambda: page)
+        self._add_figures(result)
         for path, write in result.files:
             self.outputs.file(path, write)
         for path, make in result.texts:
@@ -113,6 +117,40 @@ class Job:
             say(why)
         good = result.passed and not result.failed and not result.refused
         return GOOD if good else FAILED_CHECK
+
+    def _check_figures(self) -> None:
+        """Raise before the work where figures could not be drawn or would be lost."""
+        folder = self.written.figures
+        if folder is None:
+            return
+        from schuler.data.exportable import optional
+
+        optional("matplotlib", "figures")
+        if folder.exists() and not folder.is_dir():
+            raise InputError("is a file", expected="a folder for figures", where=str(folder))
+        if not folder.parent.is_dir():
+            raise InputError("the folder above it does not exist", where=str(folder))
+        for file in sorted(folder.glob(f"*.{self.written.figure_format}")):
+            refuse_existing(file)
+
+    def _add_figures(self, result: Result) -> None:
+        """Add one file for each group of figures, numbered in the order of the page."""
+        folder, form = self.written.figures, self.written.figure_format
+        if folder is None:
+            return
+        from schuler.report.drawing.matplotlib import save_figure
+        from schuler.report.page import anchor
+        from schuler.report.plots import titled_grids
+        from schuler.report.sections import sections_of
+
+        grids = titled_grids(s for one in result.sections for s in sections_of(one))
+        if not grids:
+            say("this result has no figures")
+            return
+        folder.mkdir(exist_ok=True)
+        for k, one in enumerate(grids, 1):
+            path = folder / f"{k:02d}-{anchor(one.title)[:60]}.{form}"
+            self.outputs.file(path, partial(save_figure, one.grid, form=form))
 
     def _origin(self, result: Result) -> Provenance | None:
         if self.written == Written():

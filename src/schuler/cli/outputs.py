@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from schuler.cli.console import MANNERS
 from schuler.data.output_file import OutputFile
 from schuler.errors import InputError
 
@@ -36,7 +37,7 @@ class Outputs:
     ------
     InputError
         A folder that does not exist or cannot be written, a folder in place of a file, one file
-        named twice, or an input among the outputs.
+        named twice, an input among the outputs, or a file that exists, unless --force was said.
     """
 
     def __init__(self, *paths: Path | None, inputs: Iterable[Path] = ()) -> None:
@@ -92,6 +93,15 @@ class Outputs:
         return tuple(path for path, _ in self._jobs)
 
 
+def refuse_existing(path: Path) -> None:
+    """Raise where a file would be lost."""
+    if path.is_file() and not MANNERS.force:
+        raise InputError(
+            "exists already", expected="a new name, or --force to write over it",
+            where=str(path),
+        )  # fmt: skip
+
+
 def _write(path: Path, content: str) -> None:
     # Names of files that are no Unicode stand in texts too.
     path.write_text(content, encoding="utf-8", errors="backslashreplace", newline="\n")
@@ -108,6 +118,7 @@ def _check(path: Path, read: Iterable[Path], seen: Iterable[Path]) -> None:
         )
     if any(_same(path, other) for other in read):
         raise InputError("is also an input", expected="another name", where=str(path))
+    refuse_existing(path)
     if any(_same(path, other) for other in seen) and (path.is_file() or not path.exists()):
         raise InputError("is named for two outputs", expected="two names", where=str(path))
 

@@ -33,10 +33,17 @@ class Written:
         Write a self-contained HTML page here.
     json : Path, optional
         Write all results in SI here; - for standard output.
+    figures : Path, optional
+        Write every figure of the page into this folder, in the size of a column or a page of a
+        journal; needs matplotlib.
+    figure_format : {"pdf", "svg", "png"}
+        Form of these figures; fonts are embedded.
     """
 
     report: Path | None = None
     json: Path | None = None
+    figures: Path | None = None
+    figure_format: Literal["pdf", "svg", "png"] = "pdf"
 
 
 @Parameter(name="*")

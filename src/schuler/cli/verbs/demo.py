@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from schuler.cli.console import MANNERS
 from schuler.cli.job import Job, Result, working
 from schuler.cli.loading import load_gnss, load_imu
 from schuler.cli.options.files import ModelFiles, Written
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from schuler.data.trajectory import Trajectory
     from schuler.noise.noise_model import NoiseModel
 
+OUT = Path("schuler-demo")
+FILES = ("noise.yaml", "imu.yaml", "trajectory.parquet", "outages.json")
 DRIVE_SECONDS = 600.0
 OUTAGES = (30.0, 60.0)
 """Length of the windows and seconds from one to the next."""
@@ -58,7 +61,7 @@ class Material:
     seeds: dict[str, int] | None = None
 
 
-def demo(*, data: Path | None = None, out: Path = Path("schuler-demo")) -> int:
+def demo(*, data: Path | None = None, out: Path = OUT) -> int:
     """Go the whole way once: static log and drive in, noise model, trajectory and report out.
 
     Without options the material is simulated: two hours of a MEMS sensor lying still, and ten
@@ -72,15 +75,18 @@ def demo(*, data: Path | None = None, out: Path = Path("schuler-demo")) -> int:
         Folder with recordings: static.* and/or imu.* with gnss.*; or with folders that hold
         them.
     out : Path
-        Folder for the report and the other files; made when missing.
+        Folder for the report and the other files; made when missing. What an earlier demo left
+        in the usual one is written over.
     """
+    MANNERS.force |= out == OUT
     if out.exists() and not out.is_dir():
         raise InputError("is a file", expected="a folder for the results", where=str(out))
     material = find_recordings(data) if data is not None else simulated()
     existed = out.exists()
     out.mkdir(parents=True, exist_ok=True)
     try:
-        job = Job(Written(report=out / "report.html"), inputs=material.inputs)
+        files = (out / name for name in FILES)
+        job = Job(Written(report=out / "report.html"), *files, inputs=material.inputs)
         code = job.finish(_whole_way(job, material, out))
     finally:
         if not existed and not any(out.iterdir()):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from schuler.cli.console import Screen
+from schuler.cli.console import MANNERS, Screen
 from schuler.errors import InputError
 
 EXAMPLE = """\
@@ -57,13 +57,14 @@ def run(job: Path | None = None, /, *, example: bool = False) -> int:
     if job is None:
         print(EXAMPLE, end="")
         return 0
+    manners = MANNERS.options()
     steps = list(_steps(job))
     for number, step in enumerate(steps, 1):
         check(step, f"{job}, step {number} ({step[0]})")
     worst, screen = 0, Screen()
     for number, step in enumerate(steps, 1):
         screen.heading(f"Step {number} of {len(steps)}", f"schuler {' '.join(step)}")
-        worst = max(worst, call(step))
+        worst = max(worst, call([*step, *manners]))
         if worst >= BAD_INPUT:
             break
     return worst
