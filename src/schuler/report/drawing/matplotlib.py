@@ -166,8 +166,7 @@ def _axis(axes: Any, letter: str, how: dict[str, Any]) -> None:
         labels = [words(t) for t in how.get("ticktext", how["tickvals"])]
         getattr(axes, f"set_{letter}ticks")(numbers(how["tickvals"]), labels)
     if how.get("showticklabels") is False:
-        side = "labelbottom" if letter == "x" else "labelleft"
-        axes.tick_params(axis=letter, length=0, **{side: False})
+        axes.axis("off")
     if "scaleanchor" in how:
         axes.set_aspect("equal", adjustable="datalim" if "range" not in how else "box")
 

@@ -161,7 +161,7 @@ def _error_figure(
     if bound is not None:
         around = band(found.time - found.time[0], -bound, bound, "@band/0.2", "2 sigma")
         traces = [*around, *traces]
-        top = 3.0 * float(np.nanmax(np.abs(error)))
+        top = 1.5 * float(np.nanmax(np.abs(error)))
         reach += [np.minimum(bound, top), -np.minimum(bound, top)]
     return plot(
         f"Error {direction}",
