@@ -27,12 +27,13 @@ USAGE = """\
 python run.py demo  [options]         the main job on an embedded example, ends in a report
 python run.py test  [pytest options]  the test suite
 python run.py check                   lint, types and import contracts
+python run.py docs  [mkdocs options]  the documentation site, into build/docs
 python run.py schuler ...             any command of the program, e.g. `schuler --help`
 """
 
 # Extras that each command needs; a later one includes those before it.
-EXTRAS = {"demo": "", "schuler": "", "test": "test", "check": "check"}
-INCLUDES = {"": {""}, "test": {"", "test"}, "check": {"", "test", "check"}}
+EXTRAS = {"demo": "", "schuler": "", "test": "test", "check": "check", "docs": "docs"}
+INCLUDES = {"": {""}, "test": {"", "test"}, "check": {"", "test", "check"}, "docs": {"", "docs"}}
 
 
 def fail(message: str) -> int:
@@ -106,6 +107,8 @@ def commands(task: str, arguments: list[str]) -> list[list[str]]:
         return [[*python, "schuler", *arguments]]
     if task == "test":
         return [[str(PYTHON), "-m", "pytest", *arguments]]
+    if task == "docs":
+        return [[*python, "mkdocs", "build", *arguments]]
     return [
         [*python, "ruff", "check", "."],
         [*python, "ruff", "format", "--check", "."],
@@ -127,8 +130,8 @@ def main(arguments: list[str]) -> int:
     code = install(EXTRAS[task])
     if code:
         return code
-    # The tests and checks look at this checkout; the program works where the user stands.
-    where = ROOT if task in {"test", "check"} else None
+    # What is about this checkout runs there; the program works where the user stands.
+    where = ROOT if task in {"test", "check", "docs"} else None
     codes = [subprocess.run(command, cwd=where).returncode for command in commands(task, rest)]
     return next((c for c in codes if c), 0)
 

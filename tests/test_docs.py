@@ -5,11 +5,15 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import re
+import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import schuler
+from schuler.cli import main
+from schuler.cli.app import check
 from schuler.cli.registry import verbs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -42,3 +46,43 @@ def test_verbs_of_the_program_are_there(page: Path) -> None:
     known = set(verbs())
     for name in re.findall(r"(?m)^(?:\$ )?schuler ([a-z]+)", code(page).replace("`", "\n")):
         assert name in known, name
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    """Language and content of every fenced block."""
+    return re.findall(r"(?m)^```(\w*)\n(.*?)^```", page.read_text(encoding="utf-8"), re.S)
+
+
+def commands(block: str) -> list[list[str]]:
+    """Arguments of every command of a block; what is piped into other programs is left out."""
+    lines = re.sub(r"\\\n\s*", " ", block).splitlines()
+    ours = [x.removeprefix("$ ") for x in lines if x.removeprefix("$ ").startswith("schuler ")]
+    return [shlex.split(re.split(r"\s+[#>|]|&&|; ", x)[0])[1:] for x in ours]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_commands_are_understood_and_python_is_python(page: Path) -> None:
+    for language, block in blocks(page):
+        for arguments in commands(block):
+            check(arguments, page.name)
+        if language == "python":
+            compile(block, page.name, "exec")
+
+
+@pytest.mark.parametrize("page", ["first-hour", "judge", "results"])
+def test_pages_for_beginners_run_as_printed(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for package in ("pandas", "matplotlib"):
+        pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    if page == "results":  # its one command reads the log of the first hour
+        noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(9e-5), schuler.WhiteNoise(7e-4))
+        log = schuler.simulate_static(noise, 300.0, 50.0, np.random.default_rng(1))
+        log.to_parquet("static.parquet")
+    for language, block in blocks(ROOT / "docs" / f"{page}.md"):
+        if language == "python":
+            exec(compile(block, page, "exec"), names)
+        for arguments in commands(block) if page != "judge" else ():
+            assert main(arguments) == 0, arguments

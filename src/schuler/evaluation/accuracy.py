@@ -17,7 +17,7 @@ from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.evaluation.alignment import Align, Pair, pair_tracks
 from schuler.rotations import rotation_vector_from_dcm
-from schuler.types import FloatArray
+from schuler.types import FloatArray, IntArray
 
 SPANS = (1.0, 10.0, 60.0)
 """Seconds over which relative errors are taken."""
@@ -298,7 +298,7 @@ def _velocity_error(track: Track, truth: Track, pair: Pair) -> FloatArray | None
         for t in (track, truth)
         if t.velocity is not None
     )
-    return ours @ pair.turn.T - theirs
+    return np.asarray(ours @ pair.turn.T - theirs)
 
 
 def _attitudes(track: Track, truth: Track, pair: Pair) -> tuple[FloatArray, FloatArray] | None:
@@ -319,8 +319,8 @@ def _relative(
     found = []
     for along, unit, spans in ((pair.time, "s", SPANS), (way, "m", STRETCHES)):
         for over in spans:
-            first = np.flatnonzero(along <= along[-1] - over)
-            last = np.searchsorted(along, along[first] + over - 1e-9)
+            first = np.flatnonzero(along <= along[-1] - over).astype(np.int64)
+            last = np.searchsorted(along, along[first] + over - 1e-9).astype(np.int64)
             near = along[np.minimum(last, along.size - 1)] - along[first] < 1.2 * over + 1e-9
             first, last = first[near], last[near]
             if first.size >= 3:
@@ -331,8 +331,8 @@ def _relative(
 def _between(
     pair: Pair,
     attitudes: tuple[FloatArray, FloatArray] | None,
-    first: FloatArray,
-    last: FloatArray,
+    first: IntArray,
+    last: IntArray,
     over: float,
     unit: str,
 ) -> RelativeError:

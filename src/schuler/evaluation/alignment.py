@@ -11,7 +11,7 @@ from schuler import rotations
 from schuler.data.track import Track
 from schuler.earth import metres_per_radian, ned_from_geodetic
 from schuler.errors import InputError
-from schuler.types import FloatArray
+from schuler.types import BoolArray, FloatArray, IntArray
 
 Align = Literal["auto", "none", "shift", "turn"]
 PLAUSIBLE = 0.02
@@ -45,8 +45,8 @@ class Pair:
     time: FloatArray
     truth: FloatArray
     estimate: FloatArray
-    rows: FloatArray
-    truth_rows: FloatArray
+    rows: IntArray
+    truth_rows: IntArray
     turn: FloatArray
     notes: tuple[str, ...]
 
@@ -102,12 +102,12 @@ def _step(track: Track) -> float:
     return float(np.median(np.diff(track.time)))
 
 
-def _bridged(stamps: FloatArray, wanted: FloatArray) -> FloatArray:
+def _bridged(stamps: FloatArray, wanted: FloatArray) -> BoolArray:
     """Tell which moments lie on a stamp or in a short step between two."""
     after = np.clip(np.searchsorted(stamps, wanted), 1, stamps.size - 1)
     step = stamps[after] - stamps[after - 1]
     longest = max(LONGEST_STEP, 3.0 * float(np.median(np.diff(stamps))))
-    found: FloatArray = (step <= longest) | (wanted == stamps[after]) | (wanted == stamps[0])
+    found: BoolArray = (step <= longest) | (wanted == stamps[after]) | (wanted == stamps[0])
     return found
 
 
@@ -118,10 +118,10 @@ def _at(track: Track, time: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(time, track.time, p) for p in position.T])
 
 
-def _nearest(stamps: FloatArray, time: FloatArray) -> FloatArray:
+def _nearest(stamps: FloatArray, time: FloatArray) -> IntArray:
     after = np.clip(np.searchsorted(stamps, time), 1, stamps.size - 1)
     before = time - stamps[after - 1] < stamps[after] - time
-    return np.asarray(after - before)
+    return np.asarray(after - before, dtype=np.int64)
 
 
 def _interpolation(dense: Track, time: FloatArray) -> str:

@@ -45,7 +45,7 @@ class ArrayCalibration(Exportable):
     """Calibration between the IMUs of an array, relative to their mean.
 
     A gyro triad shows g = gyro_sensor w + gyro_bias of the body's rate w, an accelerometer triad
-    a = accel_sensor (f + [dw/dt x] l + [w x][w x] l) + accel_bias. The axes of the body, the
+    ``a = accel_sensor (f + [dw/dt x] l + [w x][w x] l) + accel_bias``. The axes of the body, the
     scale and the centre are the means over the IMUs: what all sensors have in common is not seen
     by their differences.
 
