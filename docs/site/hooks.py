@@ -61,7 +61,7 @@ def on_files(files: Any, config: Any) -> Any:
     for name in ROOT_PAGES:
         if (ROOT / name).is_file():
             text = (ROOT / name).read_text(encoding="utf-8")
-            files.append(File.generated(config, name, content=text))
+            files.append(File.generated(config, f"project/{name}", content=text))
     names = public_names()
     listing = ["# Python", ""]
     for room, title in AREAS.items():
@@ -83,7 +83,7 @@ def on_config(config: Any) -> Any:
     """Put the generated pages into the navigation."""
     rooms = [f"reference/{room or 'basics'}.md" for room in AREAS]
     config.nav.append({"Reference": ["reference/index.md", "reference/commands.md", *rooms]})
-    there = [name for name in ROOT_PAGES if (ROOT / name).is_file()]
+    there = [f"project/{name}" for name in ROOT_PAGES if (ROOT / name).is_file()]
     config.nav.append({"Project": there})
     return config
 
@@ -91,12 +91,9 @@ def on_config(config: Any) -> Any:
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Let links to files above the guide lead to their pages, or to nothing."""
     up = "../" * page.file.src_path.count("/")
-    own = "|".join(re.escape(name) for name in ROOT_PAGES)
-    markdown = re.sub(rf"\]\((?:\.\./)+({own})", rf"]({up}\1", markdown)
-    if page.file.src_path in ROOT_PAGES:
-        markdown = markdown.replace("](docs/", "](")
-        for name in ROOT_PAGES:
-            if not (ROOT / name).is_file():
-                markdown = re.sub(rf"\[([^\]]+)\]\({re.escape(name)}\)", r"\1", markdown)
+    own = "|".join(re.escape(name) for name in ROOT_PAGES if (ROOT / name).is_file())
+    markdown = re.sub(rf"\]\((?:\.\./)+({own})", rf"]({up}project/\1", markdown)
+    if page.file.src_path.startswith("project/"):
+        markdown = markdown.replace("](docs/", "](../")
     elsewhere = r"\[([^\]]+)\]\((?:\.\./)+(?:benchmarks|examples|src|tests)/[^)]*\)"
     return re.sub(elsewhere, r"\1", markdown)
