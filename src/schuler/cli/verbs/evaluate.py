@@ -86,7 +86,7 @@ def evaluate(
 
     job = Job(written, inputs=(trajectory, truth))
     with reading_file(trajectory.name, "one"):
-        track = read_track(trajectory, **reading.options("gnss"))
+        track = read_track(trajectory, **reading.of("gnss"))
     with working("Evaluating"):
         found = judged(track, truth, reference, parse_windows(window))
     title = f"{title_of(trajectory)} against {title_of(truth)}"
