@@ -17,8 +17,9 @@ from schuler.simulation import car_urban, ideal_imu, simulate_gnss, simulate_imu
 @pytest.fixture
 def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
     def run(*arguments: object) -> Outcome:
+        """Call it; tests may call twice with one output, so it is written over."""
         capsys.readouterr()
-        code = main([str(a) for a in arguments])
+        code = main([*(str(a) for a in arguments), "--force"])
         captured = capsys.readouterr()
         return Outcome(code, captured.out, captured.err)
 
