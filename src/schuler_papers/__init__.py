@@ -39,7 +39,9 @@ has to lie: ``band: [low, high]``, ``near: [value, slack]``, or from the printed
 ``error`` (standard deviation of the printed number); ``kind`` arithmetic or setting; ``against``
 (the band contradicts the words); ``proof`` (one that the judge ran); ``because``, ``slip``;
 ``quick`` and ``full`` (what differs by size), ``only`` (one size); ``for`` and ``each`` (many rows
-at once). A table has ``lines``, ``columns`` and ``printed`` cell by cell as well.
+at once). A table has ``lines``, ``columns`` and ``printed`` cell by cell as well; cells with a
+``forecast`` (relative width) get their band from `benchmarks.forecast`: the mean of many draws, in
+whose scatter a printed number may lie that is one draw.
 
 Rules
 -----

@@ -13,7 +13,7 @@ import json
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib import import_module
 from importlib.resources import files
@@ -38,7 +38,7 @@ Value = FloatArray | Estimate | float | str
 _ROW_KEYS = {
     "is", "at", "of", "printed", "derived", "unit", "band", "within", "around", "near", "from",
     "note", "errors", "because", "slip", "proof", "against", "kind", "error", "for", "each",
-    "quick", "full", "only", "forecast", "points", "pooled",
+    "quick", "full", "only", "forecast",
 }  # fmt: skip
 _TABLE_KEYS = _ROW_KEYS | {"title", "corner", "lines", "columns"}
 _OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
@@ -64,24 +64,18 @@ class Found:
         That were run.
     printed : mapping of str to array, float or str
         Printed values that other tables of the paper give.
-    errors : mapping of str to array or float
-        Standard deviations of the printed value: the scatter of one draw.
     panels : tuple of Panel
         What is drawn again.
     notes : tuple of str
         Sentences with numbers in them.
-    shared : mapping of str to array
-        Standard errors that replace those of single cells.
     """
 
     values: Mapping[str, Value]
     bands: Mapping[str, Band | FloatArray] = field(default_factory=dict)
     proofs: Mapping[str, Proof] = field(default_factory=dict)
     printed: Mapping[str, Any] = field(default_factory=dict)
-    errors: Mapping[str, Any] = field(default_factory=dict)
     panels: tuple[Panel, ...] = ()
     notes: tuple[str, ...] = ()
-    shared: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def plain(results: Results, size: Size) -> Found:
@@ -91,7 +85,10 @@ def plain(results: Results, size: Size) -> Found:
 
 @cache
 def forecasts(package: str) -> dict[str, Any]:
-    """Return what many seeds gave, by item, table and size; frozen by `benchmarks.forecast`."""
+    """Return what many seeds of the quick size gave, by table; frozen by `benchmarks.forecast`.
+
+    Of every cell the mean and the scatter of one draw, and the first seed with their number.
+    """
     place = files(package).joinpath("forecasts.json")
     found: dict[str, Any] = json.loads(place.read_text()) if place.is_file() else {}
     return found
@@ -149,7 +146,7 @@ def _judge(
     found = find(results, size)
     rows = [row for spec in entry.get("rows", ()) for row in _rows(spec, found, size)]
     sheets = tuple(
-        _sheet(spec, found, size, frozen.get(f"{entry['label']}/{spec['title']}/{size}"))
+        _sheet(spec, found, size, frozen.get(f"{entry['label']}/{spec['title']}"))
         for spec in entry.get("tables", ())
     )
     cells = [row for sheet in sheets for line in sheet.cells for row in line if row is not None]
@@ -176,11 +173,13 @@ def _row(
 ) -> Row:
     key = str(spec["is"]).format(**names)
     ours, index = _value(found.values[key], spec.get("at", places))
-    if key in found.shared and isinstance(ours, Estimate):
-        ours = Estimate(ours.value, float(found.shared[key][index]))
+    scatter = float(spec.get("scatter", math.nan))
+    if math.isfinite(scatter) and isinstance(ours, Estimate):
+        # few seeds do not tell the scatter, the forecast's many do
+        ours = Estimate(ours.value, scatter / math.sqrt(len(np.atleast_1d(found.values[key]))))
     printed, derived = _printed(spec, key, index, found)
     role: Literal["", "arithmetic", "setting"] = spec.get("kind", "")
-    error = spec.get("error", _part(found.errors.get(key), index))
+    error = spec.get("error")
     proof = spec.get("proof")
     return Row(
         spec["of"].format(**names),
@@ -189,6 +188,7 @@ def _row(
         spec.get("unit", ""),
         _band(spec, key, index, printed, found),
         math.nan if error is None else float(error),
+        scatter,
         role,
         derived,
         bool(spec.get("against", False)),
@@ -267,42 +267,29 @@ def _sheet(
     spec = {"of": "{line}, {column}", **spec, **spec.get(size, {})}
     lines, columns = [str(x) for x in spec["lines"]], [str(x) for x in spec["columns"]]
     printed: list[list[Any]] = spec.get("printed") or found.printed[spec["is"]]
-    if forecast is not None:
-        found = _pooled(spec["is"], found, absolute="points" in spec)
     cells: list[tuple[Row | None, ...]] = []
     for i, line in enumerate(lines):
         row: list[Row | None] = []
         for j, column in enumerate(columns):
             own = {**spec, **_for_cell(spec, i, j), "printed": printed[i][j]}
-            if forecast is not None:
-                own |= _foreseen(own, forecast["mean"][i][j], forecast["note"])
+            if forecast is not None and own.get("forecast") is not None:
+                own |= _foreseen(own["forecast"], forecast, i, j)
             names = {"line": line, "column": column}
             row.append(None if printed[i][j] is None else _row(own, names, (i, j), found))
         cells.append(tuple(row))
     return Sheet(spec["title"], spec.get("corner", ""), tuple(columns), tuple(lines), tuple(cells))
 
 
-def _foreseen(spec: Mapping[str, Any], mean: float, note: str) -> dict[str, Any]:
-    """The band around a frozen forecast: relative, or in points of the unit."""
-    if "points" in spec:
-        slack = float(spec["points"])
-    elif spec.get("forecast") is not None:
-        slack = float(spec["forecast"]) * abs(mean)
-    else:
+def _foreseen(relative: float, forecast: Mapping[str, Any], i: int, j: int) -> dict[str, Any]:
+    """The band around a frozen forecast: not narrower than the forecast itself is sure."""
+    first, count = forecast["seeds"]
+    mean, scatter = forecast["mean"][i][j], forecast["scatter"][i][j]
+    if mean is None:
         return {}
-    return {"band": [mean - slack, mean + slack], "from": "frozen", "note": f"{mean:.4g}, {note}"}
-
-
-def _pooled(key: str, found: Found, *, absolute: bool) -> Found:
-    """Let the cells of a table share their scatter: three seeds do not tell that of one cell."""
-    array = np.asarray(found.values[key], dtype=np.float64)
-    if array.shape[0] < 2:
-        return found
-    mean = array.mean(axis=0)
-    scale = np.ones_like(mean) if absolute else np.abs(mean)
-    error = array.std(axis=0, ddof=1) / math.sqrt(array.shape[0])
-    shared = np.sqrt(np.nanmean((error / scale) ** 2, axis=0)) * scale
-    return replace(found, shared={**found.shared, key: np.maximum(error, shared)})
+    slack = max(relative * abs(mean), 2.0 * scatter / math.sqrt(count))
+    note = f"{mean:.4g}, mean of {count} draws (seeds from {first})"
+    return {"band": [mean - slack, mean + slack], "from": "frozen", "note": note,
+            "scatter": scatter}  # fmt: skip
 
 
 def _for_cell(spec: Mapping[str, Any], i: int, j: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ Mark = Literal["line", "dash", "points", "band"]
 Role = Literal["printed", "ours", "theory", "paper", "better", "data", "x", "y", "z", "other"]
 VERDICTS = {
     "reproduced": "the printed number lies in a band narrower than a quarter, or in its own error",
-    "reproduced in kind": "it lies in a wider band, or the statement in words holds",
+    "reproduced in kind": "it lies in a wider band, in the scatter of one draw, or the words hold",
     "not met": "it lies outside; the twin may differ from what the authors had",
     "wrong in the paper": "it lies outside, and a proof that ran says that it cannot be right",
     "beyond the paper": "nothing is printed; ours lies where theory or a forecast says",
@@ -29,7 +29,7 @@ VERDICTS = {
 NARROW = 0.25
 """Widest band, relative to its middle, in which a printed number counts as reproduced."""
 OWN_ERRORS = 2.0
-"""Standard deviations of the printed number that are allowed for."""
+"""Standard deviations of the printed number, or of one draw, that are allowed for."""
 
 
 class Estimate(NamedTuple):
@@ -140,7 +140,9 @@ class Row:
     band : Band or None
         Where ours has to lie.
     printed_error : float
-        Standard deviation of the printed number: its own as printed, or the scatter of one draw.
+        Standard deviation of the printed number, as it is printed.
+    scatter : float
+        Standard deviation of one draw of ours, where the printed number is one draw.
     role : {"", "arithmetic", "setting"}
         Computed from printed numbers alone; an input. Else the kind follows from the numbers.
     derived : bool
@@ -161,6 +163,7 @@ class Row:
     unit: str = ""
     band: Band | None = None
     printed_error: float = math.nan
+    scatter: float = math.nan
     role: Literal["", "arithmetic", "setting"] = ""
     derived: bool = False
     against: bool = False
@@ -194,17 +197,19 @@ class Row:
 
     @property
     def compared(self) -> Band | None:
-        """What the printed number is compared with: the band, or ours within the errors of both."""
-        if math.isfinite(self.printed_error):
-            value, error = self.estimate
-            slack = OWN_ERRORS * math.hypot(
-                self.printed_error, error if math.isfinite(error) else 0.0
-            )
-            return Band(value - slack, value + slack, "theory", "errors of both")
+        """What the printed number is compared with: ours within its own error, or the band.
+
+        A frozen forecast is the mean of many draws, so the error of this run does not widen it.
+        """
+        value, error = self.estimate
+        error = error if math.isfinite(error) else 0.0
+        for own in (self.printed_error, math.nan if self.band else self.scatter):
+            if math.isfinite(own):
+                slack = OWN_ERRORS * math.hypot(own, error)
+                return Band(value - slack, value + slack, "theory", "errors of both")
         if self.band is None:
             return None
-        error = self.estimate.standard_error
-        slack = self.band.standard_errors * error if math.isfinite(error) else 0.0
+        slack = 0.0 if self.band.source == "frozen" else self.band.standard_errors * error
         return Band(self.band.low - slack, self.band.high + slack, "theory", "with our error")
 
     @property
@@ -215,8 +220,18 @@ class Row:
         return self.compared.holds(Estimate(float(self.printed)), rounding(self.printed))
 
     @property
+    def may_be_drawn(self) -> bool:
+        """Whether the printed number lies in the scatter of one draw around the band."""
+        if self.band is None or not isinstance(self.printed, float):
+            return False
+        middle = 0.5 * (self.band.low + self.band.high)
+        return abs(self.printed - middle) <= OWN_ERRORS * self.scatter
+
+    @property
     def narrow(self) -> bool:
-        """Whether the comparison is narrower than a quarter."""
+        """Whether the comparison is narrower than a quarter, or the printed number's own error."""
+        if math.isfinite(self.printed_error):
+            return not self.estimate.standard_error > self.printed_error
         return self.compared is not None and self.compared.width <= NARROW + 1e-9
 
     @property
@@ -237,6 +252,8 @@ class Row:
             return "beyond the paper"
         if self.agrees:
             return "reproduced" if self.narrow else "reproduced in kind"
+        if self.may_be_drawn:
+            return "reproduced in kind"
         return "wrong in the paper" if proven or self.role == "arithmetic" else "not met"
 
     def to_dict(self) -> dict[str, Any]:
@@ -250,6 +267,7 @@ class Row:
             "printed": self.printed,
             "derived": self.derived,
             "printed_error": self.printed_error if math.isfinite(self.printed_error) else None,
+            "scatter": self.scatter if math.isfinite(self.scatter) else None,
             "ours": self.ours if isinstance(self.ours, str) else value,
             "standard_error": error if math.isfinite(error) else None,
             "unit": self.unit,

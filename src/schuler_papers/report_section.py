@@ -126,7 +126,10 @@ def _overview(result: Reproduction, papers: list[Paper]) -> Section:
     counted = (
         ("values with a band, inside it", [f"{c.inside} of {c.banded}" for c in by_paper]),
         ("printed numbers compared, met", [f"{c.met} of {c.printed}" for c in by_paper]),
-        ("of these compared within a quarter", [str(c.narrow) for c in by_paper]),
+        (
+            "within a quarter or their own error, met",
+            [f"{c.close} of {c.narrow}" for c in by_paper],
+        ),
         ("arithmetic on printed numbers", [str(c.kinds["arithmetic"]) for c in by_paper]),
     )
     rows += [(name, "", *cells) for name, cells in counted]

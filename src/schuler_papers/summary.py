@@ -38,7 +38,7 @@ def paper_page(paper: Paper, done: Reproduction) -> str:
     """Return the page of one paper in Markdown."""
     items = [r for r in done.items if r.paper.name == paper.name]
     about = files(f"schuler_papers.{paper.name}").joinpath("about.md").read_text(encoding="utf-8")
-    head, _, advice = about.partition("## What to do instead")
+    head, mark, advice = about.partition("## What it wishes")
     counts = counts_of(items)
     lines = [
         f"# {paper.authors}",
@@ -65,7 +65,7 @@ def paper_page(paper: Paper, done: Reproduction) -> str:
         lines += _listed(items, verdict, heading)
     notes = [(r.item.label, note) for r in items for note in r.outcome.notes]
     lines += ["", "## Notes", "", *(f"* {label}: {note}" for label, note in notes)]
-    lines += ["", "## What to do instead", "", advice.strip(), ""]
+    lines += ["", f"{mark}{advice}".strip(), ""]
     return "\n".join(lines)
 
 

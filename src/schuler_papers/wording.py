@@ -29,7 +29,8 @@ class Counts:
     """What the values of some items came to.
 
     `inside` of `banded` values lie in their band; `met` of `printed` numbers agree (derived ones
-    are not counted), `narrow` of these are compared within a quarter.
+    are not counted); `narrow` of these are compared within a quarter or their own printed error,
+    of which `close` agree.
     """
 
     values: int
@@ -40,6 +41,7 @@ class Counts:
     printed: int
     met: int
     narrow: int
+    close: int
 
     @property
     def shown(self) -> int:
@@ -51,8 +53,9 @@ class Counts:
         """All of it in words."""
         return (
             f"{self.values} values: {self.inside} of {self.banded} with a band lie in it; "
-            f"{self.met} of {self.printed} printed numbers are met ({self.narrow} compared within "
-            f"a quarter); {self.kinds['arithmetic']} are arithmetic, {self.shown} just shown."
+            f"{self.met} of {self.printed} printed numbers are met ({self.close} of the "
+            f"{self.narrow} that are compared within a quarter or their own error); "
+            f"{self.kinds['arithmetic']} are arithmetic, {self.shown} just shown."
         )
 
 
@@ -70,6 +73,7 @@ def counts_of(items: Sequence[ItemResult]) -> Counts:
         len(printed),
         sum(row.agrees for row in printed),
         sum(row.narrow for row in printed),
+        sum(row.agrees for row in printed if row.narrow),
     )
 
 
@@ -107,8 +111,8 @@ def printed_text(row: Row, *, unit: bool = True) -> str:
         return MISSING
     if isinstance(row.printed, str):
         return row.printed
-    text = short(row.printed, 6)
-    if math.isfinite(row.printed_error) and row.kind != "shown":
+    text = short(row.printed, 4 if row.derived else 6)
+    if math.isfinite(row.printed_error):
         text += f" ± {short(row.printed_error, 2)}"
     text = _with_unit(text, row.unit if unit else "")
     return f"{text} (derived)" if row.derived else text
@@ -119,6 +123,8 @@ def own_text(row: Row, *, unit: bool = True) -> str:
     if isinstance(row.ours, str):
         return row.ours
     value, error = row.estimate
+    if math.isnan(value):
+        return MISSING
     shown = row.unit if unit else ""
     if not error > 1e-6 * abs(value):  # nothing is random, or the same in every repetition
         return _with_unit(short(value), shown)
@@ -169,13 +175,25 @@ def _marked(cell: Row) -> str:
 
 
 def sheet_lines(sheet: Sheet) -> list[tuple[str, ...]]:
-    """Return a table of the paper, each line as printed and below it ours with signs."""
+    """Return a table of the paper: each line as printed, ours with signs, and what was foreseen."""
     lines: list[tuple[str, ...]] = []
     for name, cells in zip(sheet.lines, sheet.cells, strict=True):
         printed = [MISSING if c is None else printed_text(c, unit=False) for c in cells]
         ours = [MISSING if c is None else _marked(c) for c in cells]
         lines += [(name, "printed", *printed), ("", "ours", *ours)]
+        if any(c is not None and math.isfinite(c.scatter) for c in cells):
+            lines.append(("", "one draw", *map(_one_draw, cells)))
     return lines
 
 
-SIGNS = ", ".join(f"{sign} {verdict}" for verdict, sign in MARKS.items()) + "; none: shown"
+def _one_draw(cell: Row | None) -> str:
+    """The forecast as one draw has it: mean of many, with the scatter of one."""
+    if cell is None or cell.band is None or not math.isfinite(cell.scatter):
+        return MISSING
+    return with_error(0.5 * (cell.band.low + cell.band.high), cell.scatter)
+
+
+SIGNS = (
+    ", ".join(f"{sign} {verdict}" for verdict, sign in MARKS.items())
+    + "; none: shown. Ours: mean with its standard error; one draw: forecast with its scatter."
+)

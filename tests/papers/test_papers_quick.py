@@ -49,16 +49,16 @@ def test_nothing_of_a_paper_is_missing(paper: str) -> None:
     assert {f"e-{number}-{n}" for n in SLIPS[paper]} <= {s for kind, s in parts if kind == "slip"}
 
 
-LEAST_NARROW = {"waegli2010": 5, "waegli2008": 5, "tamazin2013": 5, "quinchia2013": 40}
-"""Printed numbers that have to be compared within a quarter."""
+LEAST_NARROW = {"waegli2010": 36, "waegli2008": 62, "tamazin2013": 20, "quinchia2013": 100}
+"""Printed numbers that have to be compared within a quarter or their own error; 200 in all."""
 TABLES_IN_LAYOUT = {
     "waegli2010": {"Table 1", "Table 2, eq. (7)", "Table 4, eq. (13)"},
     "waegli2008": {"Table 1", "Table 2, Fig. 14", "Table 3"},
     "tamazin2013": {"Table 1", "Table 2"},
     "quinchia2013": {
         "Table 2", "Table 3, Figs. 12-14", "Table 4, Figs. 15-16", "Table 5",
-        "Table 5, standard deviations", "Table 6, Fig. 18", "Table 8, eqs. (19)-(20)", "Table 9",
-        "Table 10",
+        "Table 5, standard deviations", "Table 6, Fig. 18", "Table 7",
+        "Table 8, eqs. (19)-(20)", "Table 9", "Table 10",
     },
 }  # fmt: skip
 

@@ -42,6 +42,8 @@ def test_a_row_fails_outside_its_band_and_errors_widen_it_only_when_asked() -> N
 HELD = Proof("they sum to one", 1.0, 0.999, 1.001)
 FAILED = Proof("they sum to one", 0.9, 0.999, 1.001)
 NARROW, WIDE = Band(0.9, 1.1), Band(0.5, 2.0)
+FORECAST = Band(0.9, 1.1, "frozen", "1.0, mean of 64 draws", 3.0)
+"""An error of this run does not widen what the printed number is compared with."""
 
 
 @pytest.mark.parametrize(
@@ -59,9 +61,13 @@ NARROW, WIDE = Band(0.9, 1.1), Band(0.5, 2.0)
         (Row("x", 1.0, 3.0, band=WIDE, role="arithmetic"), "wrong in the paper", "arithmetic"),
         (Row("x", 1.0, 3.0), "shown", "shown"),
         (Row("x", 1.0, 1.1, printed_error=0.06), "reproduced", "printed"),
-        (Row("x", 1.0, 1.5, printed_error=0.3), "reproduced in kind", "printed"),
+        (Row("x", 1.0, 1.5, printed_error=0.3), "reproduced", "printed"),
         (Row("x", 1.0, 1.5, printed_error=0.1), "not met", "printed"),
         (Row("x", Estimate(1.0, 0.3), 1.5, printed_error=0.1), "reproduced in kind", "printed"),
+        (Row("x", 1.0, 1.5, band=NARROW, scatter=0.3), "reproduced in kind", "printed"),
+        (Row("x", 1.0, 1.7, band=NARROW, scatter=0.3), "not met", "printed"),
+        (Row("x", 1.0, 1.5, scatter=0.3), "reproduced in kind", "printed"),
+        (Row("x", Estimate(1.0, 1.0), 1.2, band=FORECAST), "not met", "printed"),
         (Row("x", 1.0, "no", band=NARROW), "reproduced in kind", "shown"),
         (Row("x", 1.0, "no", band=NARROW, against=True), "not met", "shown"),
         (Row("x", 1.0, "no", band=NARROW, against=True, proof=HELD), "wrong in the paper", "shown"),

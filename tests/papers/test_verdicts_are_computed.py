@@ -10,7 +10,7 @@ import yaml
 
 import schuler_papers
 from schuler.errors import ModelError
-from schuler_papers.judging import Found, _rows, arithmetic
+from schuler_papers.judging import Found, _rows, _sheet, arithmetic, forecasts
 from schuler_papers.outcome import VERDICTS
 from schuler_papers.registry import PAPERS
 
@@ -84,3 +84,37 @@ def test_rows_come_from_data() -> None:
     assert list(_rows({"is": "b x", "of": "b", "only": "full"}, found, "quick")) == []
     with pytest.raises(KeyError):
         list(_rows({"is": "c", "of": "c"}, found, "quick"))
+
+
+def test_a_forecast_is_as_sure_as_its_mean_and_keeps_the_scatter_of_a_draw() -> None:
+    import numpy as np
+
+    spec = {
+        "is": "a", "title": "t", "lines": ["x"], "columns": ["u", "v"], "printed": [[14, 30]],
+        "forecast": 0.1, "errors": 3,
+    }  # fmt: skip
+    found = Found({"a": np.array([[[9.0, 30.0]], [[13.0, 30.0]]])})
+    forecast = {"mean": [[10.0, 30.0]], "scatter": [[3.0, 20.0]], "seeds": [100, 64]}
+    ((sure, vague),) = _sheet(spec, found, "quick", forecast).cells
+    assert sure is not None
+    assert vague is not None
+    assert (sure.band.low, sure.band.high) == (9.0, 11.0)  # type: ignore[union-attr]
+    assert sure.estimate.standard_error == pytest.approx(3.0 / np.sqrt(2.0))
+    assert (sure.narrow, sure.agrees, sure.verdict) == (True, False, "reproduced in kind")
+    # 64 draws of 20 leave the mean uncertain by 5: the band is not called narrow
+    assert (vague.band.high, vague.narrow) == (35.0, False)  # type: ignore[union-attr]
+
+
+def test_every_table_that_asks_for_a_forecast_has_one() -> None:
+    for paper in PAPERS:
+        frozen = forecasts(f"schuler_papers.{paper}")
+        entries = yaml.safe_load((OWN / paper / "paper.yaml").read_text(encoding="utf-8"))
+        asked = {
+            f"{item['label']}/{table['title']}"
+            for entry in entries
+            for item in entry["items"]
+            for table in item.get("tables", ())
+            if "forecast" in table or "forecast" in table.get("each", {})
+        }
+        assert asked <= set(frozen)
+        assert all(f["seeds"][0] >= 100 and f["seeds"][1] >= 8 for f in frozen.values())

@@ -21,7 +21,7 @@ from schuler_papers.quinchia2013.outages import (
     drives,
     path_of,
 )
-from schuler_papers.quinchia2013.sensor import CHANNELS, MODELS, fitted, process
+from schuler_papers.quinchia2013.sensor import CHANNELS, MODELS, RATE, fitted, process
 
 THEIRS = MODELS[:5]
 OURS = MODELS[5:]
@@ -125,13 +125,11 @@ def denoising(results: Results, size: Size) -> Found:
 
 def _table(results: Results, outages: tuple[int, ...]) -> Found:
     """Mean and largest errors of every model in some of the outages."""
-    cells, printed, scatter = [], [], []
+    cells, printed = [], []
     for name in THEIRS:
         for figure, table in (("mean", MEAN), ("max", LARGEST)):
-            values = stacked(results, f"{name}:{figure}")[:, list(outages)]
-            cells.append(values)
+            cells.append(stacked(results, f"{name}:{figure}")[:, list(outages)])
             printed.append([table[name][k] for k in outages])
-            scatter.append(values.std(axis=0, ddof=1) if len(results) > 1 else values[0] * np.nan)
     ours = [
         [stacked(results, f"{name}:{figure}")[:, k] for figure in ("max", "mean")]
         for k in outages
@@ -141,7 +139,6 @@ def _table(results: Results, outages: tuple[int, ...]) -> Found:
     return Found(
         {"table": np.stack(cells, axis=2), "ours": np.moveaxis(more, -1, 0)},
         printed={"table": np.transpose(printed).tolist()},
-        errors={"table": np.transpose(scatter)},
     )
 
 
@@ -298,11 +295,11 @@ def table_6(results: Results, size: Size) -> Found:
         "straight": every[7][:, straight].sum(axis=1) / every[0][:, straight].sum(axis=1),
         "seven": every[7].sum(axis=1) / every[0].sum(axis=1),
     }
-    scatter = table.std(axis=0, ddof=1) if len(results) > 1 else np.full(table.shape[1:], np.nan)
-    return Found(values, errors={"table": scatter}, panels=panels)
+    return Found(values, panels=panels)
 
 
 def table_7(results: Results, size: Size) -> Found:
-    """The levels that are used."""
+    """The levels that are used, and the band that they leave."""
     levels = SensorDenoising.table_7().levels
-    return Found({"levels": np.array([[float(levels[c]) for c in CHANNELS]])})
+    used = np.array([float(levels[c]) for c in (*CHANNELS[3:], *CHANNELS[:3])])
+    return Found({"table": np.stack([used, RATE / 2.0 ** (used + 1.0)], axis=1)[None]})

@@ -15,7 +15,6 @@ from schuler_papers.quinchia2013.sensor import (
     HOURS,
     NAMES,
     RATE,
-    TABLE_4,
     TRUE,
     TRUE_B,
     process,
@@ -75,11 +74,6 @@ def _crossing_proofs() -> dict[str, Proof]:
     }  # fmt: skip
 
 
-def _errors(channels: tuple[str, ...]) -> FloatArray:
-    """Errors of table 4."""
-    return np.array([[v[1] for v in TABLE_4[c] if v is not None] for c in channels])
-
-
 def table_3(results: Results, size: Size) -> Found:
     """Parameters by the spectrum."""
     found = parameters(results, "psd")
@@ -99,8 +93,7 @@ def table_3(results: Results, size: Size) -> Found:
         truth = np.array([found[c][1] for c in channels])
         slack = np.array([0.02, 0.2 * wide, 0.2 * wide])[: truth.shape[1]]
         bands[kind] = np.array([truth * (1.0 - slack), truth * (1.0 + slack)])
-    errors = {"accel": _errors(ACCELS), "gyro": _errors(GYROS)}
-    return Found(values, bands, _crossing_proofs(), errors=errors, panels=panels)
+    return Found(values, bands, _crossing_proofs(), panels=panels)
 
 
 def table_4(results: Results, size: Size) -> Found:
@@ -144,11 +137,7 @@ def agreement(results: Results, size: Size) -> Found:
 def table_5(results: Results, size: Size) -> Found:
     """Flat parts: where white noise and random walk cross, or the plateau of the gyros."""
     read = _of_all(results, "read")
-    middle = np.sqrt(read[:, :, 3] * read[:, :, 4])[:, None]
-    crossings = [math.sqrt(3.0) * TRUE[c].white_noise / TRUE[c].random_walk for c in ACCELS]
-    low = np.array([*(0.6 * x for x in crossings), *[math.nan] * 3])
-    high = np.array([*(1.7 * x for x in crossings), *[math.nan] * 3])
-    return Found({"table": middle}, {"table": np.array([low, high])[:, None]})
+    return Found({"table": np.sqrt(read[:, :, 3] * read[:, :, 4])[:, None]})
 
 
 def standard_deviations(results: Results, size: Size) -> Found:

@@ -9,7 +9,7 @@ import numpy as np
 from schuler import position_error_of_accel_bias, position_error_of_gyro_bias
 from schuler_papers.experiment import FloatArray, Results, Size, stacked
 from schuler_papers.judging import Found, plain
-from schuler_papers.outcome import Curve, Mark, Panel, Proof, Role
+from schuler_papers.outcome import Curve, Mark, Panel, Proof, Role, rounding
 from schuler_papers.tamazin2013.predictors import DEG_H, METHODS, ORDERS, SECOND_DEGREE_LAGS
 
 HOUR = 3600.0
@@ -66,7 +66,8 @@ def _table(name: str, results: Results) -> Found:
         "both have one error",
         float(np.abs(same - 1.0).max()), 0.0, 0.01,
     )  # fmt: skip
-    return Found(values, proofs={"same": proof}, panels=(times(name, results),))
+    bands = {"table": _position_bands(name)}
+    return Found(values, bands, {"same": proof}, panels=(times(name, results),))
 
 
 def _cells(name: str, results: Results) -> FloatArray:
@@ -85,6 +86,16 @@ def _cells(name: str, results: Results) -> FloatArray:
             position = np.full(error.size, _position(name, PRINTED[name][method][k]))
             lines.append(np.stack([error, position, seconds[:, column]], axis=1))
     return np.stack(lines, axis=1)
+
+
+def _position_bands(name: str) -> FloatArray:
+    """What the law makes of the printed errors within their rounding, (2, 8, 3); others NaN."""
+    bands = np.full((2, 8, 3), math.nan)
+    for line, (k, method) in enumerate((k, m) for k in (0, 1) for m in PRINTED[name]):
+        printed = PRINTED[name][method][k]
+        for end, sign in enumerate((-1.0, 1.0)):
+            bands[end, line, 1] = _position(name, printed + sign * rounding(printed))
+    return bands
 
 
 def _position(name: str, mean_square: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from schuler_papers.experiment import FloatArray, Results, Size, stacked
 from schuler_papers.judging import Found, Value
 from schuler_papers.outcome import Band, Curve, Panel, Proof, Role
+from schuler_papers.waegli2008.runs import NUMBERS
 
 COMPONENTS = ("N", "E", "D", "vN", "vE", "vD", "roll", "pitch", "heading")
 TABLE_2 = {
@@ -276,3 +277,33 @@ def unequal(results: Results, size: Size) -> Found:
         categories=COMPONENTS,
     )
     return Found(values, {"attitude": _significant(gain, size)}, panels=(panel,))
+
+
+def number(results: Results, size: Size) -> Found:
+    """Attitude error by the number of IMUs, over that of one."""
+    attitude = np.sqrt((stacked(results, "errors")[:, :, 6:] ** 2).mean(axis=2))
+    over = attitude[:, 1:] / attitude[:, :1]
+    law, mean = 1.0 / np.sqrt(np.array(NUMBERS, dtype=np.float64)), over.mean(axis=0)
+    spread = _spread(over)
+    places = np.arange(4.0)
+    ones = np.concatenate([[1.0], mean])
+    slack = np.concatenate([[0.0], spread])
+    panel = Panel(
+        "Attitude error by the number of IMUs",
+        "IMUs",
+        "over that of one IMU",
+        (
+            Curve("ours", places, ones, "ours", "points", ones - slack, ones + slack),
+            Curve("1/√n", places, law, role="theory", mark="dash"),
+        ),
+        "Ours falls, but not as fast as the noise: GNSS and the compass are one.",
+        categories=tuple(map(str, NUMBERS)),
+    )
+    bands = {"over": np.array([law[1:], np.ones(3)])}
+    return Found({"over": over, "eight": over[:, 2] / over[:, 1]}, bands, panels=(panel,))
+
+
+def faulty(results: Results, size: Size) -> Found:
+    """Heading after a gyro has failed, over that of the healthy array."""
+    heading = stacked(results, "errors")[:, :, 8]
+    return Found({"watched": heading[:, 1] / heading[:, 0], "blind": heading[:, 2] / heading[:, 0]})

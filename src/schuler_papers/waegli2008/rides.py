@@ -6,6 +6,7 @@ Gauss-Markov bias an axis (its equation (5)), the same law for all, a draw of it
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import Literal
 
@@ -27,7 +28,7 @@ from schuler import (
     ski,
     tetrahedron_mounting,
 )
-from schuler_papers.experiment import FloatArray, Size, generator
+from schuler_papers.experiment import FloatArray, generator
 
 PAPER = "waegli2008"
 RATE = 100.0
@@ -71,7 +72,6 @@ class Ride:
         self,
         kind: Literal["ski", "motorcycle"],
         seed: int,
-        size: Size,
         biases: tuple[float, ...],
     ) -> None:
         rng = generator(seed, PAPER, kind)
@@ -86,7 +86,7 @@ class Ride:
                 np.array([[0.03 * (-1.0) ** i, 0.0, 0.0] for i in range(len(biases))]),
             )
         else:
-            standstill, moving = (40.0, 80.0) if size == "quick" else (60.0, 180.0)
+            standstill, moving = 40.0, 80.0
             self.profile = motorcycle(standstill + moving, rng.spawn(1)[0], standstill=standstill)
             mounting = tetrahedron_mounting(RADIUS)
         self.mounting = mounting
@@ -117,6 +117,12 @@ class Ride:
                 white[:, i, c] = noise.simulate(size, 1.0 / RATE, rng)
                 bias[:, i, c] = markov.simulate(size, 1.0 / RATE, rng)
         return bias, white
+
+    def first(self, count: int) -> Ride:
+        """Return the same ride with the first IMUs alone."""
+        fewer = copy(self)
+        fewer.array, fewer.models = self.array.select(np.arange(count)), self.models[:count]
+        return fewer
 
     def gnss(self, receiver: Receiver) -> GnssRecording:
         """Return what a receiver of a grade records once a second."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from schuler import (
     NavigationSettings,
     bias_correlation,
     compare_mechanizations,
+    navigate_array,
     trajectory_errors,
 )
 from schuler_papers.experiment import FloatArray, Numbers, Size, numbers
@@ -19,6 +21,10 @@ from schuler_papers.waegli2008.rides import GRADES, Receiver, Ride
 Mechanization = Literal["single", "synthetic", "extended", "constrained", "system"]
 # roll, pitch, heading in degrees, as the paper has them
 UNITS = np.array([1.0] * 6 + [180.0 / np.pi] * 3)
+FAULT, FAULT_TIME = float(np.radians(2.0)), 80.0
+"""Offset of one gyro, rad/s, and when it comes, s."""
+NUMBERS = (1, 2, 4, 8)
+"""Of IMUs that are compared."""
 BIAS_STEP = 2.0
 """Seconds between points of a curve of biases."""
 
@@ -55,7 +61,7 @@ def _key(receiver: Receiver) -> str:
 
 def run_ski(seed: int, size: Size) -> Numbers:
     """Two aligned IMUs on a skier, both receivers. Tables 1, Figs 12 and 13."""
-    ride = Ride("ski", seed, size, (1.0, 1.0))
+    ride = Ride("ski", seed, (1.0, 1.0))
     names: tuple[Mechanization, ...] = ("single", "synthetic", "extended")
     out: Numbers = {}
     for receiver in GRADES:
@@ -67,7 +73,7 @@ def run_ski(seed: int, size: Size) -> Numbers:
 
 def run_motorcycle(seed: int, size: Size) -> Numbers:
     """Four IMUs on a tetrahedron, equal sensors, both receivers. Tables 2 and 3, Figs 14 to 17."""
-    ride = Ride("motorcycle", seed, size, (1.0, 1.0, 1.0, 1.0))
+    ride = Ride("motorcycle", seed, (1.0, 1.0, 1.0, 1.0))
     names: tuple[Mechanization, ...] = ("single", "synthetic", "extended")
     code = compared(ride, "L1", names, parity=False)
     more = (*names, "constrained", "system")
@@ -86,11 +92,47 @@ def run_motorcycle(seed: int, size: Size) -> Numbers:
 
 def run_unequal(seed: int, size: Size) -> Numbers:
     """Four IMUs of which one has biases ten times as large, with and without parity."""
-    ride = Ride("motorcycle", 1000 + seed, size, (0.3, 0.3, 0.3, 3.0))
+    ride = Ride("motorcycle", 1000 + seed, (0.3, 0.3, 0.3, 3.0))
     without = compared(ride, "L1/L2", ("single", "synthetic", "extended"), parity=False)
     with_parity = compared(ride, "L1/L2", ("extended",), parity=True)
     out = _errors(without, "without", ("single", "synthetic", "extended"))
     return out | _errors(with_parity, "with", ("extended",))
+
+
+def run_number(seed: int, size: Size) -> Numbers:
+    """One, two, four and eight IMUs on skis, fused with equal weights: the ideal number."""
+    whole = Ride("ski", 2000 + seed, (1.0,) * NUMBERS[-1])
+    errors = []
+    for count in NUMBERS:
+        ride = whole.first(max(count, 2))
+        name: Mechanization = "single" if count == 1 else "synthetic"
+        found = compared(ride, "L1/L2", (name,), parity=False)
+        errors.append(found.average(name, "rms") * UNITS)
+    return numbers(errors=errors)
+
+
+def run_faulty(seed: int, size: Size) -> Numbers:
+    """Four IMUs of which one gyro gets an offset: heading with and without detection inside."""
+    ride = Ride("motorcycle", 3000 + seed, (1.0,) * 4)
+    gyro = np.array(ride.array.gyro)
+    gyro[ride.array.time >= FAULT_TIME, 3, 0] += FAULT
+    broken = replace(ride.array, gyro=gyro)
+    cases = {"healthy": (ride.array, True), "watched": (broken, True), "blind": (broken, False)}
+    errors = []
+    for array, watched in cases.values():
+        done = navigate_array(
+            array,
+            ride.gnss("L1/L2"),
+            ride.models,
+            faults=watched,
+            heading=ride.heading,
+            time_offset=0.0,
+            turn_on_accel=0.0,
+            turn_on_gyro=0.0,
+        )
+        after = trajectory_errors(done.solution, ride.truth)[ride.truth.time >= FAULT_TIME]
+        errors.append(np.sqrt(np.mean(after**2, axis=0)) * UNITS)
+    return numbers(errors=errors)
 
 
 def _difference(found: MechanizationComparison) -> FloatArray:

@@ -34,7 +34,21 @@ def figure_5(results: Results, size: Size) -> Found:
     """Noise of one gyro and of the best estimate of four; gain and reduction."""
     one, four = stacked(results, "single"), stacked(results, "synthetic")
     more = {"gain": 100.0 * (one / four - 1.0), "reduction": 100.0 * (1.0 - four / one)}
-    return Found({"single": one, "synthetic": four, **more})
+    first = results[0]
+    time, (*alone, fused, true) = first["rate_time"], first["rates"]
+    curves = [Curve(f"IMU {k + 1}", time, rate, "other") for k, rate in enumerate(alone)]
+    panel = Panel(
+        "Rate about z on a motorcycle",
+        "s",
+        "deg/s",
+        (
+            *curves,
+            Curve("best estimate of four", time, fused, "ours"),
+            Curve("reference", time, true, "theory"),
+        ),
+        "The best estimate scatters half as far around the reference as each IMU.",
+    )
+    return Found({"single": one, "synthetic": four, **more}, panels=(panel,))
 
 
 def figure_6(results: Results, size: Size) -> Found:

@@ -9,6 +9,7 @@ from schuler import (
     FaultSettings,
     Geometry,
     ImuArray,
+    Mounting,
     OnlineSettings,
     chi_square_power,
     chi_square_threshold,
@@ -68,6 +69,24 @@ def run_noise(seed: int, size: Size) -> Numbers:
         quantiles=quantiles,
         gaussian=np.quantile(noise[:, 0], quantiles),
         tails=np.quantile(tails, quantiles),
+        **_ridden(generator(seed, PAPER, "figure-5")),
+    )
+
+
+def _ridden(rng: np.random.Generator) -> Numbers:
+    """Three seconds of a ride: the rate about one axis by four IMUs, fused, and as it was."""
+    ride = motorcycle(70.0, rng.spawn(1)[0], standstill=20.0)
+    true = ideal_imu(ride, RATE).between(40.0, 43.0).gyro
+    measured = true[:, None] + GYRO_SD * rng.standard_normal((true.shape[0], 4, 3))
+    array = ImuArray(
+        np.arange(true.shape[0]) / RATE, measured, np.full(measured.shape, np.nan),
+        Mounting.aligned(4),
+    )  # fmt: skip
+    whole = synthesize(array, "equal", settings=OnlineSettings(keep_biases=True))
+    fused = whole.sensor("gyro").vectors
+    return numbers(
+        rate_time=array.time,
+        rates=np.degrees(np.column_stack([measured[:, :, 2], fused[:, 2], true[:, 2]]).T),
     )
 
 

@@ -126,11 +126,11 @@ def table_4(results: Results, size: Size) -> Found:
              "oracle": "best weights"}  # fmt: skip
     found = {name: stacked(results, name) for name in names}
     values = {
-        "table": np.stack([found["equal"], found["ewma"]], axis=1),
+        "table": np.stack([found["equal"], found["garch"]], axis=1),
         "equal growth": found["equal"][:, 2] / found["equal"][:, 0],
         "ewma growth": found["ewma"][:, 2] / found["ewma"][:, 0],
         "ewma over oracle": found["ewma"][:, 2] / found["oracle"][:, 2],
-        "others": np.stack([found["garch"], found["oracle"]], axis=1),
+        "others": np.stack([found["ewma"], found["oracle"]], axis=1),
     }
     places = np.array(FACTORS)
     curves = [

@@ -6,8 +6,11 @@ import numpy as np
 
 from schuler_papers.experiment import Results, Size, stacked
 from schuler_papers.judging import Found, plain
-from schuler_papers.outcome import Curve, Panel, Proof
-from schuler_papers.waegli2010.series import RATE
+from schuler_papers.outcome import Curve, Panel, Proof, Role
+from schuler_papers.waegli2010.series import RATE, SHOWN
+
+DATA: Role = "data"
+OURS: Role = "ours"
 
 
 def whiteness(results: Results, size: Size) -> Found:
@@ -33,7 +36,22 @@ def _whiteness_panels(results: Results) -> tuple[Panel, ...]:
     band, plain = first["band"], float(first["plain_band"])
     tau = first["tau"]
     white = first["allan"][0] * np.sqrt(tau[0] / tau)
+    time = np.arange(first["series"].shape[1]) * (SHOWN.step / RATE)
+    series = (
+        Panel(
+            title,
+            "s",
+            "rad/s",
+            (Curve("series", time, values, role),),
+            words,
+        )
+        for title, values, role, words in (
+            ("Signal of the gyro", first["series"][0], DATA, "It wanders: neighbours are alike."),
+            ("ARMA residual of the gyro", first["series"][1], OURS, "Nothing slow is left."),
+        )
+    )
     return (
+        *series,
         Panel(
             "Signal",
             "lag, s",

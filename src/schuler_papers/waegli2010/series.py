@@ -44,6 +44,8 @@ SHORT = 8_000
 """A record whose GARCH errors are as large as those of Table 2."""
 LAGS = 100
 TAUS = np.geomspace(0.1, 30.0, 12)
+SHOWN = slice(0, 6000, 5)
+"""A minute of the series that figure 9 shows."""
 
 
 def run_arma(seed: int, size: Size) -> Numbers:
@@ -129,6 +131,7 @@ def _chained(x: FloatArray, true: FloatArray | None) -> Numbers:
         lm_after=arch_lm_test(z).p_value,
         z_mean=z.mean(),
         z_variance=z.var(),
+        series=[x[SHOWN], residual[SHOWN]],
         raw_correlation=raw.correlation[1:],
         correlation=left.correlation[1:],
         band=band,

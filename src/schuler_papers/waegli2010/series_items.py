@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.stats import norm
 
 from schuler_papers.experiment import FloatArray, Results, Size, stacked
 from schuler_papers.judging import Found, Value, plain
@@ -20,15 +21,22 @@ def table_1(results: Results, size: Size) -> Found:
     values, errors = stacked(results, "values"), stacked(results, "errors")
     lengths = SAMPLES * (errors.mean(axis=0) / PRINTED_ERRORS) ** 2
     length = float(np.median(lengths))
-    own = errors * math.sqrt(SAMPLES / length)
+    constant = [stacked(results, name)[:, None] for name in ("constant", "constant_error")]
+    whole = np.concatenate([values, constant[0]], axis=1)
+    own = np.concatenate([errors, constant[1]], axis=1) * math.sqrt(SAMPLES / length)
     found: dict[str, FloatArray | float] = {
-        "table": np.stack([values, own, values / own], axis=2),
+        "table": _student(whole, own, whole / own),
         "length": length / RATE,
         "constant": (stacked(results, "constant_p") > 0.05).astype(float),
         "smallest t": float(np.abs(stacked(results, "t_values")).min()),
         "ljung": (stacked(results, "ljung_box_p") > 0.01).astype(float),
     }
     return Found(found, panels=(_coefficients(values, errors),))
+
+
+def _student(values: FloatArray, errors: FloatArray, t: FloatArray) -> FloatArray:
+    """Columns of both tables, (seeds, parameters, 4): the last is the two-sided p of t."""
+    return np.stack([values, errors, t, 2.0 * norm.sf(np.abs(t))], axis=2)
 
 
 def _coefficients(values: FloatArray, errors: FloatArray) -> Panel:
@@ -84,7 +92,7 @@ def table_2(results: Results, size: Size) -> Found:
     short, t = stacked(results, "short_errors"), stacked(results, "short_t")
     found = {
         **plain(results, size).values,
-        "table": np.stack([values, short, t], axis=2),
+        "table": _student(values, short, t),
         "alpha0": (stacked(results, "short_alpha0_p") > 0.05).astype(float),
         "lm before": float(stacked(results, "lm_before").max()),
         "lm after": (stacked(results, "lm_after") > 0.01).astype(float),

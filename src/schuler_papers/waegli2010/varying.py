@@ -12,6 +12,7 @@ from schuler import (
     averaged_volatility,
     conditional_noise,
     ewma_variance,
+    fit_garch,
     redundant_sensors,
     simulate_garch,
 )
@@ -69,8 +70,8 @@ def _conditional(noise: FloatArray, learning: int) -> FloatArray:
     return conditional_noise(sensors, learning, OnlineSettings()).variance[:, 0]
 
 
-def _averaged(noise: FloatArray) -> FloatArray:
-    return averaged_volatility(gyros_at_rest(noise), 50, causal=True).variance
+def _averaged(noise: FloatArray, *, robust: bool = False) -> FloatArray:
+    return averaged_volatility(gyros_at_rest(noise), 50, causal=True, robust=robust).variance
 
 
 def _outliers(
@@ -83,9 +84,16 @@ def _outliers(
     worse = [fused_rate(dirty, w)[:, 0].std() / fused_rate(noise, w)[:, 0].std() for w in weighings]
     seen = _averaged(dirty)[learning:], _conditional(dirty, learning)[learning:]
     clean = named["averaged"], named["garch"]
+    wave, held = noise[:, 0, 0], dirty[:, 0, 0]
+    robust = [
+        _averaged(dirty, robust=True)[learning:].mean() / clean[0].mean(),
+        fit_garch(held[:learning], robust=True).conditional_variance(held)[learning:].mean()
+        / fit_garch(wave[:learning]).conditional_variance(wave)[learning:].mean(),
+    ]
     return numbers(
         outlier=[d.mean() / c.mean() for d, c in zip(seen, clean, strict=True)],
         fused_outlier=worse,
+        robust=robust,
     )
 
 
