@@ -19,7 +19,7 @@ _SEGMENTS = 12
 _LONGEST_SEGMENT = 65_536
 _FIRST_BIN = 12
 _CHANCE = 1e-3
-_NARROWEST, _WIDEST, _SHARE = 4, 64, 3
+_NARROWEST, _WIDEST, _SHARE, _APART = 4, 64, 3, 8
 _MOST_LINES = 8
 _FEWEST_SAMPLES = 1200
 
@@ -189,16 +189,18 @@ def _density(values: FloatArray, segment: int) -> FloatArray:
 
 def _running_median(logs: FloatArray) -> FloatArray:
     """Median over a window that widens with the bin: a third of it to either side, 4 to 64 bins."""
-    out = np.empty(logs.size)
     padded = np.pad(logs, _WIDEST, mode="reflect")
-    wide = np.arange(logs.size) >= _SHARE * _WIDEST
-    if wide.any():
-        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WIDEST + 1)
-        out[wide] = np.median(windows[wide], axis=1)
-    for k in np.flatnonzero(~wide):
-        half = int(np.clip(k // _SHARE, _NARROWEST, _WIDEST))
-        out[k] = float(np.median(padded[k + _WIDEST - half : k + _WIDEST + half + 1]))
-    return out
+    # the widest windows share nearly all their bins with their neighbours: every eighth will do
+    narrow = np.arange(min(_SHARE * _WIDEST, logs.size))
+    at = np.concatenate([narrow, np.arange(narrow.size, logs.size, _APART), [logs.size - 1]])
+    half = np.clip(at // _SHARE, _NARROWEST, _WIDEST)
+    medians = [
+        float(np.median(padded[k + _WIDEST - h : k + _WIDEST + h + 1]))
+        for k, h in zip(narrow.tolist(), half.tolist(), strict=False)
+    ]
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WIDEST + 1)
+    wide = np.median(windows[at[narrow.size :]], axis=1)
+    return np.asarray(np.interp(np.arange(logs.size), at, np.concatenate([medians, wide])))
 
 
 def _take_sinusoid(
