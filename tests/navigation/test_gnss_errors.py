@@ -12,9 +12,11 @@ import schuler
 from schuler import earth
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
+from schuler.navigation.preparation.setup import ParameterSpread
+from schuler.navigation.run import run
 from schuler.navigation.run_findings import whiteness
 from schuler.simulation import Profile, car_urban, ideal_imu, simulate_imu
-from schuler.simulation.receivers import DIFFERENTIAL_CODE, simulate_receiver
+from schuler.simulation.receivers import DIFFERENTIAL_CODE, L1_CODE, RTK_FIXED, simulate_receiver
 
 NOISE = schuler.NoiseModel(
     {
@@ -81,7 +83,7 @@ def test_errors_that_last_are_told_and_no_more_when_they_may() -> None:
     for seed in SEEDS:
         assert "lasting errors" in kinds(solved(seed, "off"))
         assert "lasting errors" not in kinds(solved(seed, "auto"))
-        assert "GNSS errors" in kinds(solved(seed, "auto"))
+        assert "told by" in solved(seed, "auto").settings["gnss_errors"]
     # of sixteen white receivers one was taken for one whose errors last
     white = [kinds(solved(seed, "off", white=True)) for seed in range(7001, 7007)]
     assert sum("lasting errors" in found for found in white) <= 1
@@ -118,15 +120,134 @@ def test_a_stream_splits_as_the_batch_does() -> None:
     assert gnss.position_sd is not None
     assert gnss.velocity is not None
     assert gnss.velocity_sd is not None
-    for k, time in enumerate(gnss.time):
-        if time < imu.time[0]:
-            continue
-        filter_.add_gnss(
-            time, gnss.position[k], gnss.position_sd[k], gnss.velocity[k], gnss.velocity_sd[k]
-        )
-    for k, time in enumerate(imu.time.tolist()):
-        filter_.add_imu(time, imu.gyro[k], imu.accel[k])
+    due = int(np.searchsorted(gnss.time, imu.time[0]))
+    for n, time in enumerate(imu.time.tolist()):
+        while due < gnss.size and gnss.time[due] <= time:
+            filter_.add_gnss(
+                gnss.time[due],
+                gnss.position[due],
+                gnss.position_sd[due],
+                gnss.velocity[due],
+                gnss.velocity_sd[due],
+            )
+            due += 1
+        filter_.add_imu(time, imu.gyro[n], imu.accel[n])
     batch = schuler.navigate(one.imu, one.gnss, NOISE, time_offset=0.0, measurements=how)
     np.testing.assert_allclose(
         filter_.state().position, batch.trajectory.position[-1], rtol=0.0, atol=1e-12
+    )
+
+
+@cache
+def with_antenna(x: float) -> NavigationSolution:
+    profile = car_urban(200.0, 7011, standstill=20.0)
+    rng = np.random.default_rng([4, 7011])
+    imu = simulate_imu(ideal_imu(profile, 50.0), NOISE, rng)
+    gnss = simulate_receiver(profile, RTK_FIXED, rng=rng, lever_arm=(x, 0.0, 0.0))
+    return schuler.navigate(imu, gnss, NOISE)
+
+
+def test_an_antenna_that_nobody_told_is_found_and_one_that_is_right_is_left() -> None:
+    far, right = with_antenna(2.0).settings, with_antenna(0.0).settings
+    np.testing.assert_allclose(far["lever_arm_m"][:2], [2.0, 0.0], atol=0.06)
+    assert "lever arm" in kinds(with_antenna(2.0))
+    assert right["lever_arm_m"] == [0.0, 0.0, 0.0]
+    assert "lever arm" not in kinds(with_antenna(0.0))
+
+
+def test_an_arm_is_not_looked_for_where_errors_are_taken_as_given() -> None:
+    one = drive(SEEDS[0])
+    with pytest.raises(InputError, match="look like an arm"):
+        schuler.navigate(
+            one.imu,
+            one.gnss,
+            NOISE,
+            lever_arm="estimate",
+            measurements=schuler.MeasurementOptions(correlated=None),
+        )
+
+
+def test_innovations_name_an_arm_that_errors_are_not_allowed_to_hide() -> None:
+    profile = car_urban(200.0, 7012, standstill=20.0)
+    rng = np.random.default_rng([4, 7012])
+    imu = simulate_imu(ideal_imu(profile, 50.0), NOISE, rng)
+    white = schuler.MeasurementOptions(correlated=None)
+    for x, told in ((2.0, True), (0.0, False)):
+        gnss = simulate_receiver(profile, RTK_FIXED, rng=rng, lever_arm=(x, 0.0, 0.0))
+        solution = schuler.navigate(imu, gnss, NOISE, time_offset=0.0, measurements=white)
+        assert ("lever arm" in kinds(solution)) is told
+        assert "gyro scale" not in kinds(solution)
+
+
+def test_a_step_of_fixes_is_followed_after_a_few_and_nothing_is_refused_after_that() -> None:
+    one = drive(SEEDS[1], white=True)
+    gnss = one.gnss
+    north = earth.metres_per_radian(gnss.position)[0]
+    position = gnss.position.copy()
+    late = gnss.time > 120.0
+    position[late, 0] += 20.0 / north[late]
+    # fixes that scatter far more than they claim: one of many fits by chance
+    rng = np.random.default_rng(8)
+    position[late, 0] += rng.standard_normal(int(late.sum())) / north[late]
+    gnss = replace(gnss, position=position, position_sd=np.full((gnss.size, 3), 0.05))
+    white = schuler.MeasurementOptions(correlated=None)
+    solution = schuler.navigate(
+        one.imu, gnss, NOISE, time_offset=0.0, tune_noise=False, measurements=white
+    )
+    part = solution.innovations.of_kind("GNSS position")
+    after = part.time > 125.0
+    assert part.accepted[after].mean() > 0.7
+    path = solution.trajectory
+    k = np.searchsorted(path.time, part.time[after & part.accepted])
+    seen = np.searchsorted(gnss.time, part.time[after & part.accepted] - 1e-6)
+    off = (path.position[k, 0] - gnss.position[seen, 0]) * north[seen]
+    assert np.abs(off).max() < 1.6
+
+
+def test_withheld_fixes_are_compared_with_position_and_what_lasts_of_their_error() -> None:
+    smoothed = []
+    for how in (None, schuler.GnssErrorModel()):
+        own = []
+        for seed in SEEDS:
+            one = drive(seed)
+            rng = np.random.default_rng([5, seed])
+            found = schuler.evaluate_outages(
+                one.imu,
+                simulate_receiver(one.profile, L1_CODE, rng=rng),
+                NOISE,
+                windows=[(90.0, 10.0), (150.0, 10.0)],
+                time_offset=0.0,
+                measurements=schuler.MeasurementOptions(correlated=how),
+            ).smoothed
+            own.append([found.rms_m, found.claimed_over_real, found.within_2_sigma])
+        smoothed.append(np.mean(own, axis=0))
+    plain, split = smoothed
+    assert split[0] < 0.85 * plain[0]
+    assert 0.8 < split[1] < 1.4
+    assert split[2] > 0.9
+
+
+def test_columns_of_what_is_not_known_multiply_to_the_covariance() -> None:
+    rng = np.random.default_rng(3)
+    root = 0.2 * rng.standard_normal((4, 4))
+    names = ("white 0", "drive accel", "offset position", "gnss white")
+    spread = ParameterSpread(names, root @ root.T)
+    columns = [np.array([c[n] for n in names[:3]]) for c in spread.columns()]
+    np.testing.assert_allclose(sum(np.outer(c, c) for c in columns), (root @ root.T)[:3, :3])
+
+
+def test_a_short_drive_claims_what_its_tuned_noise_leaves_open() -> None:
+    one = drive(SEEDS[2])
+    imu, setup = schuler.prepare(one.imu, one.gnss, time_offset=0.0)
+    assert setup.spread is not None
+    alone = run(imu, one.gnss, replace(setup, spread=None)).causal
+    found = run(imu, one.gnss, setup).causal
+    settled = slice(1000, None)
+    more = np.trace(found.position_covariance - alone.position_covariance, axis1=1, axis2=2)
+    assert more[settled].min() > 0.0
+    twice = replace(setup, spread=replace(setup.spread, covariance=1e-2 * setup.spread.covariance))
+    less = run(imu, one.gnss, twice).causal.position_covariance - alone.position_covariance
+    # linear: a hundredth of the variance leaves a hundredth open
+    assert np.median(np.trace(less, axis1=1, axis2=2)[settled] / more[settled]) == pytest.approx(
+        0.01, rel=0.5
     )

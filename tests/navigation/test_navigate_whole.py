@@ -11,6 +11,7 @@ from twins import GYRO, LEVER, NOISE, navigation_errors, perfect, with_noise
 
 from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.errors import InputError
+from schuler.navigation.aiding.options import WHITE_ERRORS
 from schuler.navigation.navigate import navigate
 from schuler.navigation.preparation.alignment import align
 from schuler.navigation.tuning.likelihood import end_of_enough_motion, velocity_lag
@@ -87,7 +88,7 @@ def test_a_drive_with_late_gnss_and_a_turned_imu(seed: int) -> None:
 
 def test_the_receivers_own_standard_deviations_are_put_right() -> None:
     drive = a_drive(4, claimed_scale=2.0)
-    solution = navigate(drive.imu, drive.gnss, lever_arm=ARM)
+    solution = navigate(drive.imu, drive.gnss, lever_arm=ARM, measurements=WHITE_ERRORS)
     found = solution.settings
     # 1700 values of each kind: their deviation is known to 2 %, of correlated residuals to more
     assert found["gnss_position_sd_factor"] == pytest.approx(0.5, rel=0.08)

@@ -17,6 +17,7 @@ from vehicle_twins import ARM, MOUNTING, NOISE, Ride, draw_vehicle, ride
 from schuler.data import GnssRecording
 from schuler.errors import SchulerError
 from schuler.evaluation.outages import evaluate_outages
+from schuler.navigation.aiding.options import WHITE_ERRORS
 from schuler.navigation.aiding.schedule import VEHICLE_VELOCITY
 from schuler.navigation.engine import NO_VEHICLE, gate_thresholds, run_engine
 from schuler.navigation.navigate import navigate, withhold
@@ -182,7 +183,9 @@ def test_the_whole_chain_finds_the_mounting_and_uses_it(car: Ride) -> None:
 def test_without_aiding_nothing_changes(car: Ride) -> None:
     draw = draw_vehicle(car, 1)
     imu, gnss = draw.plain.imu, draw.plain.gnss
-    _, setup = prepare(imu, gnss, NOISE, lever_arm=LEVER, time_offset=0.0)
+    _, setup = prepare(
+        imu, gnss, NOISE, lever_arm=LEVER, time_offset=0.0, measurements=WHITE_ERRORS
+    )
     assert setup.vehicle is None
     assert setup.model.size == 6
     assert set(setup.schedule(imu, gnss).kind.tolist()) == {0, 1}

@@ -22,7 +22,7 @@ from schuler.navigation.aiding.barometer import Barometer, height_of_pressure
 from schuler.navigation.aiding.gnss import CorrelatedGnss
 from schuler.navigation.aiding.heading import Heading
 from schuler.navigation.aiding.magnetometer import Magnetometer, earth_field
-from schuler.navigation.aiding.options import GnssWeighting, MeasurementOptions
+from schuler.navigation.aiding.options import WHITE_ERRORS, GnssWeighting, MeasurementOptions
 from schuler.navigation.aiding.schedule import PlacedAiding
 from schuler.navigation.run import run
 from schuler.rotations import dcm_from_rotation_vector
@@ -116,7 +116,7 @@ def test_every_kind_is_as_good_as_it_claims(kind: str) -> None:
     for seed in range(seeds):
         drawn = twin(seed)
         source, truth = source_of(kind, seed)
-        solution = solved(drawn, drawn.gnss, MeasurementOptions(sources=(source,)))
+        solution = solved(drawn, drawn.gnss, MeasurementOptions(correlated=None, sources=(source,)))
         part = solution.innovations.of_kind(kind)
         assert part.accepted.all()
         nis += float(part.nis.sum())
@@ -145,8 +145,8 @@ def test_a_heading_makes_the_heading_good_while_standing() -> None:
     seen = np.arctan2(ahead[:, 1], ahead[:, 0])
     rng = np.random.default_rng(5)
     source = Heading(time, seen + np.radians(0.2) * rng.standard_normal(time.size), np.radians(0.2))
-    alone = solved(drawn, drawn.gnss, MeasurementOptions())
-    aided = solved(drawn, drawn.gnss, MeasurementOptions(sources=(source,)))
+    alone = solved(drawn, drawn.gnss, WHITE_ERRORS)
+    aided = solved(drawn, drawn.gnss, MeasurementOptions(correlated=None, sources=(source,)))
     k = np.searchsorted(alone.trajectory.time, 14.0)
     assert aided.attitude_sd[k, 2] < 0.2 * alone.attitude_sd[k, 2]
     assert squares(aided, np.array([14.0]))[0, 8] < 12.0
@@ -171,7 +171,7 @@ def test_slow_errors_of_gnss_are_not_averaged_away() -> None:
         told = solved(drawn, gnss, options)
         with_states.append(squares(told, np.array([80.0, 140.0]))[:, :3])
         nis.append(told.innovations.of_kind("GNSS position").nis[2:].mean() / 3.0)
-        without.append(squares(solved(drawn, gnss, MeasurementOptions()), np.array([80.0, 140.0])))
+        without.append(squares(solved(drawn, gnss, WHITE_ERRORS), np.array([80.0, 140.0])))
     # 96 squares, the two times nearly independent
     assert 0.6 < np.mean(with_states) < 1.5
     # 145 epochs of 3 components a seed
@@ -193,7 +193,7 @@ def judged(weighting: GnssWeighting, spoil, seeds: int = 6) -> tuple[float, floa
     for seed in range(seeds):
         drawn = twin(seed)
         gnss = spoil(drawn.gnss, np.random.default_rng(100 + seed))
-        solution = solved(drawn, gnss, MeasurementOptions(weighting))
+        solution = solved(drawn, gnss, MeasurementOptions(weighting, correlated=None))
         path = solution.trajectory
         k = np.searchsorted(path.time, time)
         e = navigation_errors(
@@ -309,6 +309,6 @@ def test_measurements_in_any_order_are_used_at_their_own_time() -> None:
     # a delay that is left in the stamps is no order: half a second late, it shows
     late = replace(source, time=np.asarray(source.time) + 0.5)
     told = solved(drawn, drawn.gnss, MeasurementOptions(sources=(late,)))
-    right = solved(drawn, drawn.gnss, MeasurementOptions(sources=(source,)))
+    right = solved(drawn, drawn.gnss, MeasurementOptions(correlated=None, sources=(source,)))
     nis = [s.innovations.of_kind("heading").nis.mean() for s in (right, told)]
     assert nis[1] > 3.0 * nis[0]

@@ -201,6 +201,9 @@ class NavigationSolution(Exportable):
         True when future data were used.
     log_likelihood : float
         Of the accepted innovations.
+    gnss_error_covariance : (m, 3, 3) ndarray or None
+        Covariance of position with the states of GNSS errors that last, at `sensor_error_time`;
+        known of runs that were smoothed.
 
     Examples
     --------
@@ -225,6 +228,7 @@ class NavigationSolution(Exportable):
     settings: dict[str, Any] = field(default_factory=dict)
     smoothed: bool = False
     log_likelihood: float = float("nan")
+    gnss_error_covariance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = self.trajectory.size

@@ -15,6 +15,7 @@ from schuler.data.to_dict import ToDict
 from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.evaluation.floor import white_noise_floor
+from schuler.navigation.aiding.gnss import GnssErrorModel
 from schuler.navigation.preparation.fixes import screen_fixes
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.types import FloatArray
@@ -213,6 +214,7 @@ def judge_window(
     time_offset: float,
     sd_factor: float,
     white_density: FloatArray | None = None,
+    lasting: GnssErrorModel | None = None,
 ) -> OutageWindow:
     """Compare a solution with the GNSS positions of one window.
 
@@ -232,6 +234,10 @@ def judge_window(
         On the standard deviations of GNSS.
     white_density : (6,) ndarray, optional
         Of accelerometers and gyros in the filter; gives the floor of white noise.
+    lasting : GnssErrorModel, optional
+        Errors of GNSS that last, as the filter had them: withheld fixes hold them too, and are
+        compared with position and error together. Where the solution tells nothing of them,
+        with position alone.
 
     Returns
     -------
@@ -295,6 +301,11 @@ def judge_window(
     assert gnss.position_sd is not None
     own = gnss.position_sd[inside, :2] * sd_factor
     claimed = solution.position_covariance[near][:, :2, :2].copy()
+    if lasting is not None and solution.gnss_error_covariance is not None:
+        slow, shared = _lasting_errors(solution, lasting, time, own)
+        error[:, :2] += slow
+        claimed += shared
+        own = own * np.sqrt(lasting.white)
     claimed[:, [0, 1], [0, 1]] += own**2
     distance = np.einsum(
         "ki,ki->k", error[:, :2], np.linalg.solve(claimed, error[:, :2, None])[:, :, 0]
@@ -322,10 +333,30 @@ def judge_window(
     )
 
 
+def _lasting_errors(
+    solution: NavigationSolution, lasting: GnssErrorModel, time: FloatArray, sd: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Errors of fixes that a solution knew of (k, 2), and what they add to its covariance.
+
+    sd (k, 2): claimed of the fixes. A state of the filter is off by true minus estimated.
+    """
+    at = solution.sensor_error_time
+    node = np.clip(np.searchsorted(at, time, side="right") - 1, 0, at.size - 1)
+    states = slice(lasting.place, lasting.place + 2)
+    scale = sd * np.sqrt(lasting.slow)
+    assert solution.gnss_error_covariance is not None
+    with_position = solution.gnss_error_covariance[node, :2, :2] * scale[:, None, :]
+    added = -with_position - with_position.transpose(0, 2, 1)
+    own = scale * solution.sensor_errors_sd[node, states]
+    added[:, [0, 1], [0, 1]] += own**2
+    return scale * solution.sensor_errors[node, states], added
+
+
 def judge_run(
     solution: NavigationSolution, gnss: GnssRecording, setup: RunSetup, windows: Iterable[Window]
 ) -> tuple[OutageWindow, ...]:
     """Judge a solution in several windows, with receiver and IMU as its run has found them."""
+    slow = setup.measurements.correlated
     return tuple(
         judge_window(
             solution,
@@ -335,6 +366,7 @@ def judge_run(
             time_offset=setup.offsets.position,
             sd_factor=setup.factors.position_sd,
             white_density=setup.model.white_density,
+            lasting=slow if isinstance(slow, GnssErrorModel) else None,
         )
         for window in windows
     )

@@ -37,6 +37,10 @@ class InnovationSequence:
             stamps = np.repeat(time if judges is None else time[judges], 3)[used]
         return cls(scalar[used, 0], scalar[used, 1], stamps)
 
+    def select(self, kept: BoolArray) -> InnovationSequence:
+        """Keep some."""
+        return InnovationSequence(self.value[kept], self.variance[kept], self.time[kept])
+
     @property
     def misfit(self) -> float:
         """Mean square of the normalised innovations, outliers clipped; 1 where there are none."""

@@ -76,7 +76,7 @@ def navigate(
         model.
     progress : callable or None
         Called with a line of text now and then.
-    lever_arm : (3,) array_like, default (0, 0, 0)
+    lever_arm : (3,) array_like or "estimate", default (0, 0, 0)
         GNSS antenna from IMU, in IMU axes, m.
     heading : float or None, default None
         Heading of the IMU's x axis at the start, rad; None: found from GNSS.

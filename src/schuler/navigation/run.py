@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from schuler.data import (
     NavigationSolution,
     Trajectory,
 )
+from schuler.navigation.aiding.gnss import GnssErrorModel
 from schuler.navigation.aiding.schedule import (
     GENERAL,
     KIND_NAMES,
@@ -26,12 +27,15 @@ from schuler.navigation.aiding.schedule import (
 from schuler.navigation.aiding.wheel import find_wheel_speeds
 from schuler.navigation.engine import FilterRun, SampleOutputs, gate_thresholds
 from schuler.navigation.error_models.catalogue import ErrorModel
+from schuler.navigation.innovation_causes import causes
 from schuler.navigation.lagged import smooth_run_with_lag
+from schuler.navigation.parameter_uncertainty import missing_covariance
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.run_findings import findings_of_run
 from schuler.navigation.segments import RunSegment, run_in_segments, split_at_restarts
 from schuler.navigation.smoother import SmoothedRun, smooth_run
+from schuler.screening.screen import Finding
 from schuler.types import FloatArray
 
 
@@ -120,7 +124,8 @@ def run(
         stretches=setup.stretches,
     )
     innovations = _innovations(schedule, result)
-    settings = setup.to_dict() | wheel | run_record(imu, gnss, setup, innovations)
+    seen = causes(innovations, imu.time, result.samples)
+    settings = setup.to_dict() | wheel | run_record(imu, gnss, setup, innovations, seen)
     causal = _solution(imu, setup, result, innovations, settings)
 
     def smoothed_solution(back: SmoothedRun, how: dict[str, Any]) -> NavigationSolution:
@@ -129,11 +134,19 @@ def run(
 
     smoothed, lagged = None, None
     if smooth:
-        back = smooth_run(result, setup.model, imu.time)
+        slow = setup.measurements.correlated
+        place = slow.place if isinstance(slow, GnssErrorModel) else -1
+        back = smooth_run(result, setup.model, imu.time, place)
+        causal = replace(causal, gnss_error_covariance=back.lasting_before)
         smoothed = smoothed_solution(back, {"smoothing": "fixed interval"})
+    missing = missing_covariance(imu, gnss, setup, smooth=smooth)
+    if missing is not None:
+        causal = missing[0].added(causal)
+        smoothed = missing[1].added(smoothed) if smoothed and missing[1] else smoothed
     if lag is not None:
         back = smooth_run_with_lag(result, setup.model, imu.time, lag)
         lagged = smoothed_solution(back, {"smoothing": "fixed lag", "lag_s": lag})
+        lagged = missing[0].added(lagged) if missing is not None else lagged
     return NavigationRun(causal, smoothed, setup, result, lagged)
 
 
@@ -154,11 +167,15 @@ def _with_wheel_speeds(
 
 
 def run_record(
-    imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, innovations: Innovations
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    innovations: Innovations,
+    seen: tuple[Finding, ...] = (),
 ) -> dict[str, Any]:
-    """What a run says of itself."""
+    """What a run says of itself; `seen`: what its innovations depend on."""
     split = setup.measurements.correlated is not None
-    findings = (*setup.condition.findings, *findings_of_run(innovations, split=split))
+    findings = (*setup.condition.findings, *findings_of_run(innovations, split=split), *seen)
     return {
         "imu": imu.name,
         "gnss": gnss.name,
@@ -229,4 +246,5 @@ def _solution(
         settings=settings | found,
         smoothed=back is not None,
         log_likelihood=result.log_likelihood,
+        gnss_error_covariance=None if back is None else back.lasting,
     )

@@ -19,7 +19,7 @@ IN_A_ROW = 10
 """Refusals within seconds of each other that are no chance: GNSS and filter disagree for long."""
 MANY = 0.3
 """Share of refused measurements at which a solution is not to be believed."""
-DISHONEST = 3.0
+DISHONEST = 1.5
 """Normalised innovation squared over its degrees at which the filter's claims are doubted."""
 MODEST = 0.85
 """The same, below which a receiver's errors are not the white noise that they are taken for."""
@@ -101,6 +101,10 @@ def _lasting_errors(innovations: Innovations, split: bool) -> list[Finding]:
     if alike > SURE:
         seen = f"alike over {LAGS} epochs by {alike:.0f} standard errors, " + seen
     cure = "let part of what the receiver claims last (--gnss-correlated auto)"
+    if split and alike <= SURE:
+        text = f"innovations of GNSS positions are smaller than they should be ({seen}): "
+        text += "the receiver smooths its fixes, or claims too much"
+        return [Finding("lasting errors", "info", text, value=nis)]
     if split:
         cure = "check lever arm, time offset and axes"
     return [

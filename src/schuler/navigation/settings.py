@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
 from schuler.keywords import refuse_unknown
+from schuler.navigation.aiding.gnss import GnssErrorModel
 from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
 from schuler.navigation.aiding.vehicle import check_constraints
 from schuler.navigation.engine import SMOOTHER_MEMORY
@@ -27,7 +28,7 @@ Progress: TypeAlias = Callable[[str], None]
 class NavigationOptions(TypedDict, total=False):
     """Keywords that everything takes that navigates; explained at `navigate`."""
 
-    lever_arm: ArrayLike
+    lever_arm: ArrayLike | Literal["estimate"]
     heading: float | None
     mounting: FloatArray | None
     time_offset: TimeOffset
@@ -65,7 +66,7 @@ class NavigationSettings:
         A lever arm that is no three numbers, or an aiding that is not known.
     """
 
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0)
+    lever_arm: ArrayLike | Literal["estimate"] = (0.0, 0.0, 0.0)
     heading: float | None = None
     mounting: FloatArray | None = None
     time_offset: TimeOffset = "estimate"
@@ -80,13 +81,25 @@ class NavigationSettings:
     constraints: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        arm = np.asarray(self.lever_arm, dtype=np.float64)
+        if self.estimates_arm and not isinstance(self.measurements.correlated, GnssErrorModel):
+            raise InputError(
+                "a lever arm to be estimated while errors of GNSS are taken as given",
+                expected="slow errors that the drive decides on: they look like an arm",
+                cure="leave out --gnss-correlated, or give the arm (--lever-arm X,Y,Z)",
+            )
+        told = (0.0, 0.0, 0.0) if self.estimates_arm else self.lever_arm
+        arm = np.asarray(told, dtype=np.float64)
         if arm.shape != (3,) or not np.isfinite(arm).all():
             raise InputError(
                 f"lever arm is {self.lever_arm!r}", expected="three finite numbers in m"
             )
         object.__setattr__(self, "arm", arm)
         object.__setattr__(self, "constraints", check_constraints(self.aiding))
+
+    @property
+    def estimates_arm(self) -> bool:
+        """Whether the antenna is looked for."""
+        return isinstance(self.lever_arm, str) and self.lever_arm == "estimate"
 
     @property
     def estimates_offset(self) -> bool:

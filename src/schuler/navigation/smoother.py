@@ -29,32 +29,52 @@ class SmoothedRun:
         State at every IMU sample.
     sensor_state, sensor_sd : (k, m) ndarray
         Sensor error states at the nodes and their standard deviations.
+    lasting, lasting_before : (k, 3, 3) ndarray or None
+        Covariance of position with errors of GNSS that last, smoothed and of the filter.
     """
 
     samples: SampleOutputs
     sensor_state: FloatArray
     sensor_sd: FloatArray
+    lasting: FloatArray | None = None
+    lasting_before: FloatArray | None = None
 
 
-def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> SmoothedRun:
-    """Smooth a run that kept its samples and nodes."""
+def smooth_run(
+    run: FilterRun, model: SensorErrorModel, time: FloatArray, lasting: int = -1
+) -> SmoothedRun:
+    """Smooth a run that kept its samples and nodes.
+
+    `lasting`: the first of three sensor states, errors of GNSS that last; -1: none.
+    """
     from schuler.kernels.navigation.smoother import Adjoint, Smoothed, smooth_nodes
 
     nodes = run.nodes
     if not run.smoothable:
         raise NavigationError("the run kept no nodes or samples", expected="a run kept whole")
     count, s = nodes.size, 9 + model.size
-    whole, fed_back = Smoothed.zeros(count, s), np.empty((count, 9))
+    first = 9 + lasting if lasting >= 0 else -1
+    whole, fed_back = Smoothed.zeros(count, s, first), np.empty((count, 9))
+    filtered = np.empty_like(whole.lasting)
     adjoint = Adjoint.zero(s)
     block = model.layout().block
     pieces = run.pieces or (run,)
     begins = np.cumsum([0, *(piece.nodes.size for piece in pieces)])
     for p in range(len(pieces) - 1, -1, -1):
         piece, begin = pieces[p], begins[p]
-        smoothed = Smoothed(whole.error[begin:], whole.position[begin:], whole.variance[begin:])
+        smoothed = Smoothed(
+            whole.error[begin:],
+            whole.position[begin:],
+            whole.variance[begin:],
+            whole.lasting[begin:],
+            first,
+        )
         for part in piece.stretches(back=True):
             smooth_nodes(part.first, part.stop, part.nodes, part.aiding, block, adjoint, smoothed)
             own = np.arange(part.first, part.stop)
+            if first >= 0:
+                covariance = part.nodes.covariance[own % len(part.nodes.covariance)]
+                filtered[begin + own] = covariance[:, :3, first : first + 3]
             fed_back[begin + own] = part.nodes.error[own % len(part.nodes.error), :9]
         if p > 0:
             _back_over_break(adjoint.vector, adjoint.matrix, run.breaks[p - 1])
@@ -84,6 +104,8 @@ def smooth_run(run: FilterRun, model: SensorErrorModel, time: FloatArray) -> Smo
         ),
         sensor_state=nodes.sensor_state + error[:, 9:],
         sensor_sd=sd[:, 9:],
+        lasting=whole.lasting if first >= 0 else None,
+        lasting_before=filtered if first >= 0 else None,
     )
 
 

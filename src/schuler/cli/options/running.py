@@ -22,7 +22,8 @@ class RunOptions:
     Parameters
     ----------
     lever_arm : str
-        X,Y,Z from the IMU to the antenna in m, in the axes of the IMU.
+        X,Y,Z from the IMU to the antenna in m, in the axes of the IMU; estimate: found by the
+        drive.
     mounting : str, optional
         ROLL,PITCH,YAW in deg that turn the vehicle's axes (forward, right, down) into those of
         the IMU; needed only where motion does not tell the heading.
@@ -43,8 +44,8 @@ class RunOptions:
     adaptive : bool
         The noise of GNSS follows the innovations.
     gnss_correlated : str, optional
-        SIGMA:SECONDS of position errors that last, as multipath does: m, and correlation time;
-        auto: a share of what the receiver claims lasts, as much as the drive tells; off: none.
+        How long errors of GNSS positions last. auto: a share of what the receiver claims lasts, as
+        much as the drive tells; SIGMA:SECONDS, such as 1.5:60, in m; off: all is white noise.
     """
 
     lever_arm: str = "0,0,0"
@@ -55,21 +56,22 @@ class RunOptions:
     aid: Annotated[tuple[str, ...], Parameter(negative=())] = ()
     update: Literal["gate", "huber", "student-t"] = "gate"
     adaptive: bool = False
-    gnss_correlated: str | None = None
+    gnss_correlated: str = "auto"
 
     @property
     def weighs(self) -> bool:
         """Whether anything is said of how GNSS is weighted."""
-        plain = self.gnss_correlated in (None, "off")
-        return not plain or (self.update, self.adaptive) != ("gate", False)
+        return (self.gnss_correlated, self.update, self.adaptive) != ("auto", "gate", False)
 
     def keywords(self) -> dict[str, Any]:
         """Return them as `NavigationSettings` and `evaluate_outages` want them."""
         from schuler.navigation.aiding.vehicle import check_constraints
 
         known: dict[str, Any] = {
-            "lever_arm": parse_numbers(
-                self.lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0"
+            "lever_arm": self.lever_arm
+            if self.lever_arm == "estimate"
+            else parse_numbers(
+                self.lever_arm, 3, "--lever-arm X,Y,Z in m, such as 0,-0.05,0, or estimate"
             ),
             "heading": None if self.heading is None else radians(self.heading),
             "tune_noise": self.tune_noise,
@@ -92,13 +94,16 @@ class RunOptions:
 
     def _measurements(self) -> MeasurementOptions:
         from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
-        from schuler.navigation.aiding.options import GnssWeighting, MeasurementOptions
+        from schuler.navigation.aiding.options import (
+            USUAL_ERRORS,
+            GnssWeighting,
+            MeasurementOptions,
+        )
 
-        correlated: CorrelatedGnss | GnssErrorModel | None = None
-        if self.gnss_correlated == "auto":
-            correlated = GnssErrorModel()
-        elif self.gnss_correlated not in (None, "off"):
-            assert self.gnss_correlated is not None
+        correlated: CorrelatedGnss | GnssErrorModel | None = USUAL_ERRORS
+        if self.gnss_correlated == "off":
+            correlated = None
+        elif self.gnss_correlated != "auto":
             text = "--gnss-correlated SIGMA:SECONDS, such as 1.5:60, or auto or off"
             sigma, seconds = parse_numbers(self.gnss_correlated, 2, text, ":")
             correlated = CorrelatedGnss(sigma, seconds)

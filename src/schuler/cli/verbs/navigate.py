@@ -352,7 +352,14 @@ def show_navigation(screen: Screen, results: NavigationResults) -> None:
         for kind, u in _updates(filtered).items()
     ]
     screen.table(("measurement", "updates", "kept out", "mean NIS a degree (1 is honest)"), counts)
+    show_gnss_errors(screen, filtered.settings)
     show_run_findings(screen, filtered.settings["findings"])
+
+
+def show_gnss_errors(screen: Screen, settings: dict[str, Any]) -> None:
+    """Say in a line what was found of the errors of GNSS."""
+    if "gnss_errors" in settings:
+        screen.line(f"errors of GNSS positions: {settings['gnss_errors']}")
 
 
 def show_run_findings(screen: Screen, findings: Sequence[dict[str, Any]]) -> None:

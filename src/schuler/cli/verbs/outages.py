@@ -14,7 +14,7 @@ from schuler.cli.options.reading import DriveReading
 from schuler.cli.options.running import RunOptions
 from schuler.cli.options.sensors import SensorOptions
 from schuler.cli.parsing import title_of
-from schuler.cli.verbs.navigate import show_run_findings
+from schuler.cli.verbs.navigate import show_gnss_errors, show_run_findings
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -122,5 +122,7 @@ def show_outages(screen: Screen, evaluation: OutageEvaluation) -> None:
     headings = ("start s", "length s", "causal max", "claimed sd", "smoothed max", "claimed sd")
     screen.table(headings, each[:MOST_ROWS], words=0)
     screen.more(len(each) - MOST_ROWS)
+    if evaluation.runs:
+        show_gnss_errors(screen, evaluation.runs[0])
     findings = evaluation.runs[0]["findings"] if evaluation.runs else []
     show_run_findings(screen, [f for f in findings if f["kind"] != "GNSS outage"])

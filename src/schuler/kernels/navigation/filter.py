@@ -251,12 +251,15 @@ def judge(f: Filter, kind: int, nis: float, degrees: int) -> bool:
     if degrees > 0 and forced and kind < 2:
         # measurements that keep agreeing with each other are right and the filter is wrong: say
         # by how much before it is corrected, or the correction would be spread over states that
-        # are right
+        # are right. Nothing is refused again until one fits by itself.
         accepted = True
         for i in range(3):
             if math.isfinite(z.variance[i]):
                 state.covariance[3 * kind + i, 3 * kind + i] += z.residual[i] * z.residual[i]
-    state.refused[kind] = 0 if accepted else state.refused[kind] + 1
+    elif accepted:
+        state.refused[kind] = 0
+    else:
+        state.refused[kind] += 1
     if kind < 2 and degrees > 0 and rules.robustness[0] > 0.0:
         # nothing is refused: what is far off counts for little
         accepted = True

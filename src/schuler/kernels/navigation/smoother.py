@@ -39,18 +39,22 @@ class Smoothed:
     """What is known of k nodes with everything behind them, by number of node.
 
     error (k, s): left in the filter's state after its update there; position (k, 3, 3): its
-    covariance of position; variance (k, s).
+    covariance of position; variance (k, s); lasting (k, 3, 3): covariance of position with three
+    states from number `first` on, errors of GNSS that last; no rows where there are none.
     """
 
     error: Matrix
     position: Annotated[FloatArray, reals(None, 3, 3)]
     variance: Matrix
+    lasting: Annotated[FloatArray, reals(None, 3, 3)]
+    first: int
 
     @classmethod
-    def zeros(cls, nodes: int, size: int) -> Smoothed:
+    def zeros(cls, nodes: int, size: int, first: int = -1) -> Smoothed:
         """To be written."""
-        shape = (nodes, size)
-        return cls(np.zeros(shape), np.zeros((nodes, 3, 3)), np.zeros(shape))
+        shape, kept = (nodes, size), nodes if first >= 0 else 0
+        square = np.zeros((nodes + kept, 3, 3))
+        return cls(np.zeros(shape), square[:nodes], np.zeros(shape), square[nodes:], first)
 
 
 @kernel()
@@ -218,6 +222,11 @@ def smooth_node(covariance: FloatArray, a: Adjoint, smoothed: Smoothed, k: int) 
                 for r in range(n):
                     value -= line[r] * covariance[r, j]
                 smoothed.position[k, i, j] = value
+            for j in range(3 if smoothed.first >= 0 else 0):
+                value = covariance[i, smoothed.first + j]
+                for r in range(n):
+                    value -= line[r] * covariance[r, smoothed.first + j]
+                smoothed.lasting[k, i, j] = value
 
 
 @kernel()

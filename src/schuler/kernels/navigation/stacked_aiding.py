@@ -98,7 +98,10 @@ def judge_fix(f: Stack, u: int, kind: int, nis: float, degrees: int) -> bool:
                 for c in range(3):
                     if math.isfinite(f.schedule.variance[u, c]):
                         state.covariance[row + c, column + c] += z.residual[c] ** 2
-    state.refused[kind] = 0 if accepted else state.refused[kind] + 1
+    elif accepted:
+        state.refused[kind] = 0
+    else:
+        state.refused[kind] += 1
     return accepted
 
 

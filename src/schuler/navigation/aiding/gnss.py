@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -58,6 +59,13 @@ class CorrelatedGnss:
     correlation_time: float
     place: int = -1
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return a line for people and plain values for JSON."""
+        return {
+            "gnss_errors": f"{self.sigma:g} m last about {self.correlation_time:.0f} s (given)",
+            "gnss_correlation_time_s": self.correlation_time,
+        }
+
     def placed(self, model: SensorErrorModel) -> tuple[SensorErrorModel, CorrelatedGnss]:
         """Return the model with the three states, and this with their place.
 
@@ -104,6 +112,8 @@ class GnssErrorModel:
         Whether the innovations of the drive decide on shares and time; they start at these.
     place : int
         Of the first of its three states (north, east, down); -1: not placed.
+    told : bool
+        Whether the drive has told more of the slow part than was supposed.
     """
 
     white: float = 0.36
@@ -111,6 +121,7 @@ class GnssErrorModel:
     correlation_time: float = 60.0
     fit: bool = True
     place: int = -1
+    told: bool = False
 
     def __post_init__(self) -> None:
         if not (self.white > 0.0 and self.slow >= 0.0 and self.correlation_time > 0.0):
@@ -124,6 +135,18 @@ class GnssErrorModel:
         names = [f"GNSS error {d}, of its claim" for d in ("north", "east", "down")]
         wider = model.with_states(names, 1.0, correlation_time=self.correlation_time)
         return wider, replace(self, place=model.size)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a line for people and plain values for JSON."""
+        white, slow = (100.0 * float(np.sqrt(s)) for s in (self.white, self.slow))
+        why = "told by the innovations" if self.told else "this drive does not tell"
+        return {
+            "gnss_errors": f"{white:.0f} % of the claimed sd is white, {slow:.0f} % lasts about "
+            f"{self.correlation_time:.0f} s ({why if self.fit else 'given'})",
+            "gnss_white_share": self.white,
+            "gnss_lasting_share": self.slow,
+            "gnss_correlation_time_s": self.correlation_time,
+        }
 
     def in_model(self, model: SensorErrorModel) -> SensorErrorModel:
         """Return a model in which its states are with another correlation time of theirs."""

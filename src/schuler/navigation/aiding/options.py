@@ -86,6 +86,8 @@ class GnssWeighting:
 
 
 CLAIMED = GnssWeighting()
+USUAL_ERRORS = GnssErrorModel()
+"""Part of what a receiver claims lasts; how much, the drive decides."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,10 +99,9 @@ class MeasurementOptions:
     weighting : GnssWeighting
         Gate, Huber or Student-t; adaptive noise.
     correlated : CorrelatedGnss, GnssErrorModel or None
-        Slow errors of GNSS positions as states: of a given size, or as shares of what the receiver
-        claims, which the drive decides on; None: what a receiver says is white noise. The
-        default is none, as a receiver's deviations do not tell how long its errors last, and the
-        innovations of a filter that is sure of itself hardly do.
+        Slow errors of GNSS positions as states: as shares of what the receiver claims, which the
+        drive decides on, or of a given size. None: what a receiver says is white noise, which it
+        never quite is, so that what is claimed then is too sure.
     sources : tuple of PlacedAiding or MeasurementSource
         Heading, barometer, magnetometer, and measurements of one's own: any object with `name`,
         `time` and `linearise`, see `MeasurementSource`.
@@ -113,7 +114,7 @@ class MeasurementOptions:
     """
 
     weighting: GnssWeighting = CLAIMED
-    correlated: CorrelatedGnss | GnssErrorModel | None = None
+    correlated: CorrelatedGnss | GnssErrorModel | None = USUAL_ERRORS
     sources: tuple[PlacedAiding | MeasurementSource, ...] = ()
 
     @property
@@ -145,3 +146,5 @@ class MeasurementOptions:
 
 
 PLAIN = MeasurementOptions()
+WHITE_ERRORS = MeasurementOptions(correlated=None)
+"""Receivers taken by their word, and their errors for white noise."""

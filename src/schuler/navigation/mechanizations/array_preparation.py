@@ -108,7 +108,7 @@ class PreparedArray:
     @property
     def lever_arm(self) -> FloatArray:
         """GNSS antenna from the origin of the body, m."""
-        return self.settings.arm
+        return self.setup.lever_arm + self.fusion.centre
 
     @property
     def whole(self) -> bool:
@@ -238,7 +238,11 @@ def prepare_array(
         _shifted(fused_recording(whole, table), table, -jumps),
         gnss,
         combine_noise_models(noises, {"gyro": fusion.gyro, "accel": fusion.accel}),
-        replace(settings, lever_arm=settings.arm - fusion.centre, tune_noise=tuned),
+        replace(
+            settings,
+            lever_arm="estimate" if settings.estimates_arm else settings.arm - fusion.centre,
+            tune_noise=tuned,
+        ),
         progress,
     )
     recording, setup = _shifted(prepared.imu, table, jumps), prepared.setup

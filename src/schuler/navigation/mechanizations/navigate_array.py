@@ -16,7 +16,7 @@ from schuler.data import GnssRecording, NavigationSolution
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
 from schuler.keywords import refuse_unknown
-from schuler.navigation.aiding.options import CLAIMED
+from schuler.navigation.aiding.options import CLAIMED, USUAL_ERRORS
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
 from schuler.navigation.mechanizations.array_solution import solution_at_lever_arm
@@ -172,7 +172,8 @@ def check_mechanization(name: str, settings: NavigationSettings, *, smooth: bool
         "smoothing (smooth, --smooth, --lag)": smooth,
         "vehicle constraints (aiding, --aid)": bool(settings.constraints),
         "weights of GNSS (measurements.weighting, --update, --adaptive)": told.weighting != CLAIMED,
-        "slow errors of GNSS (measurements.correlated, --gnss-correlated)": bool(told.correlated),
+        "slow errors of GNSS (measurements.correlated, --gnss-correlated)": told.correlated
+        not in (None, USUAL_ERRORS),
         "other sensors (measurements.sources, --heading-file, --barometer, --magnetometer)": bool(
             told.sources
         ),

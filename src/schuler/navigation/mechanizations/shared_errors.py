@@ -56,11 +56,15 @@ def claims(position: FloatArray, velocity: FloatArray, attitude: FloatArray) -> 
 
 
 def shared_errors(
-    runs: Sequence[FilterRun], blocks: Sequence[NDArray[np.int64]], start: FloatArray
+    runs: Sequence[FilterRun],
+    blocks: Sequence[NDArray[np.int64]],
+    start: FloatArray,
+    lasting: Sequence[int] = (),
 ) -> SharedErrors | None:
     """Follow what the runs share; None where their nodes are not the same.
 
-    start (k, 9): standard deviations of what the alignments have in common.
+    start (k, 9): standard deviations of what the alignments have in common. `lasting`: for each
+    run the first of three states of unit variance, errors of GNSS that are the same in all.
     """
     time = runs[0].nodes.time
     if any(run.pieces or not np.array_equal(run.nodes.time, time) for run in runs):
@@ -69,11 +73,20 @@ def shared_errors(
     shared = np.zeros((k, k, size, size))
     nine = np.arange(9)
     shared[:, :, nine, nine] = start[:, None] * start[None, :]
+    own = 9 + np.array(lasting, dtype=np.int64)[:, None] + np.arange(3)
+    here = np.arange(k)
+    if own.size:
+        shared[here[:, None, None], here[None, :, None], own[:, None], own[None]] = 1.0
     before, after = np.empty((2, time.size, k, k, SHOWN))
     steps = [_steps(run, block, size) for run, block in zip(runs, blocks, strict=True)]
     for node, parts in enumerate(zip(*steps, strict=True)):
         moved, updated, noise = (np.stack(p) for p in zip(*parts, strict=True))
         shared = moved[:, None] @ shared @ moved.transpose(0, 2, 1)[None]
+        if own.size:
+            kept = moved[here[:, None], own, own]
+            fresh = np.sqrt(np.maximum(1.0 - kept**2, 0.0))
+            added = fresh[:, None] * fresh[None]
+            shared[here[:, None, None], here[None, :, None], own[:, None], own[None]] += added
         before[node] = _shown(shared)
         if noise.any():
             shared = updated[:, None] @ shared @ updated.transpose(0, 2, 1)[None]

@@ -9,6 +9,7 @@ import numpy as np
 from schuler.data import GnssRecording, ImuRecording
 from schuler.data.array import ImuArray
 from schuler.errors import InputError
+from schuler.navigation.aiding.gnss import GnssErrorModel
 from schuler.navigation.mechanizations.array_model import Fusion, fused_model
 from schuler.navigation.mechanizations.array_preparation import (
     PreparedArray,
@@ -33,6 +34,10 @@ def single_setup(
     if not 0 <= imu < array.count:
         raise InputError(f"IMU {imu}", expected=f"a number from 0 to {array.count - 1}")
     place, vehicle, settings = array.mounting.position[imu], setup.vehicle, prepared.settings
+    known_errors = setup.measurements.correlated
+    if isinstance(known_errors, GnssErrorModel):
+        # one receiver: all IMUs see the errors that the fused one has found
+        known_errors = replace(known_errors, fit=False, place=-1)
     own = prepare_drive(
         single_recording(array, imu),
         gnss,
@@ -42,6 +47,7 @@ def single_setup(
             lever_arm=prepared.lever_arm - place,
             time_offset=(setup.offsets.position, setup.offsets.velocity),
             tune_noise=False,
+            measurements=replace(settings.measurements, correlated=known_errors),
             mounting=settings.mounting if vehicle is None else vehicle.mounting,
         ),
     )

@@ -26,6 +26,7 @@ from schuler.kernels.navigation.stacked_data import (
     StackState,
     StackWork,
 )
+from schuler.navigation.aiding.options import WHITE_ERRORS
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, own_factors
 from schuler.navigation.stepping import LONGEST_STEP, PATIENCE
@@ -278,7 +279,9 @@ def _start_covariance(
 
 def _schedule(prepared: PreparedArray, gnss: GnssRecording, interval: float) -> StackSchedule:
     """GNSS and, between its fixes, the constraints."""
-    fixes = prepared.setup.schedule(prepared.recording, gnss)
+    # this filter has no states for errors of GNSS that last
+    setup = replace(prepared.setup, measurements=WHITE_ERRORS)
+    fixes = setup.schedule(prepared.recording, gnss)
     start, stop = prepared.array.time[[0, -1]]
     when = np.arange(start + interval, stop, interval)
     time = np.concatenate([fixes.time, when])

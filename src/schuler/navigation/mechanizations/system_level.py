@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from schuler import earth
 from schuler.data import GnssRecording, Innovations, NavigationSolution, Trajectory
+from schuler.navigation.aiding.gnss import CorrelatedGnss, GnssErrorModel
 from schuler.navigation.aiding.options import MeasurementOptions
 from schuler.navigation.engine import FilterRun
 from schuler.navigation.mechanizations.array_preparation import PreparedArray
@@ -161,7 +162,9 @@ def run_system(
     if known:
         blocks = [one.setup.model.layout().block for one in each]
         starts = np.stack([one.start_sd for one in each])
-        shared = shared_errors([one.filter for one in each if one.filter], blocks, starts)
+        slow = [one.setup.measurements.correlated for one in each]
+        lasting = [s.place for s in slow if isinstance(s, GnssErrorModel)]
+        shared = shared_errors([one.filter for one in each if one.filter], blocks, starts, lasting)
     solution, votes = average([one.solution for one in each], prepared.array.names, shared)
     return SystemRun(
         solution,
@@ -173,7 +176,7 @@ def run_system(
 
 def _gnss_alone(measurements: MeasurementOptions) -> bool:
     """Whether nothing that filters share but GNSS has a state in each of them."""
-    return measurements.correlated is None and not measurements.sources
+    return not (isinstance(measurements.correlated, CorrelatedGnss) or measurements.sources)
 
 
 def average(

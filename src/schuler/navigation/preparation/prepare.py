@@ -48,7 +48,8 @@ from schuler.navigation.settings import (
     nobody_listens,
 )
 from schuler.navigation.tuning.gnss_errors import fit_split
-from schuler.navigation.tuning.likelihood import enough_for_offsets, find_time_offset, velocity_lag
+from schuler.navigation.tuning.lever_arm import arm_finding, find_lever_arm
+from schuler.navigation.tuning.likelihood import enough_to_tune, find_time_offset, velocity_lag
 from schuler.navigation.tuning.tune import Sought, tune
 from schuler.noise.noise_model import NoiseModel
 from schuler.screening.screen import Finding
@@ -193,17 +194,22 @@ class _Start:
             alignment,
             self.settings.arm,
             condition=condition,
+            measurements=self.settings.measurements,
             settings=self.settings,
         ).with_sensors(base)
         found = PreparedDrive(used, setup)
-        return found if self.settings.estimates_offset else self._fitting(found)
+        return (
+            found
+            if self.settings.estimates_offset
+            else self._fitting(self._armed(found, setup.model))
+        )
 
     def with_offset(self, prepared: PreparedDrive, tuned: bool) -> PreparedDrive:
         """With the time offset that a coarse search finds."""
         setup = prepared.setup
         # noise that forgives anything
         rough = NoiseFactors(white=np.full(6, 2.0)).applied(setup.model) if tuned else setup.model
-        part = enough_for_offsets(prepared.imu, self.gnss, setup)
+        part = prepared.imu.between(-np.inf, enough_to_tune(prepared.imu, self.gnss, setup))
         reach = UNKNOWN_OFFSET if self.felt is None else FELT_OFFSET
         rough_setup = replace(setup, model=rough)
         shift = find_time_offset(slower_imu(part), self.gnss, rough_setup, reach=reach)
@@ -213,7 +219,32 @@ class _Start:
             imu, alignment, condition = self.aligned(offsets.velocity)
             again = replace(prepared.setup, alignment=alignment, condition=condition)
             prepared = PreparedDrive(imu, again)
-        return self._fitting(prepared)
+        return self._fitting(self._armed(prepared, rough))
+
+    def _armed(self, prepared: PreparedDrive, model: SensorErrorModel) -> PreparedDrive:
+        """With the antenna where the drive puts it, if it is asked or contradicts what was told."""
+        settings, setup = self.settings, prepared.setup
+        asked, told = settings.estimates_arm, setup.lever_arm
+        found = find_lever_arm(
+            prepared.imu,
+            self.gnss,
+            replace(setup, model=model),
+            asked=asked,
+            offsets=settings.estimates_offset,
+        )
+        if found is None or not (asked or found.differs(told)):
+            return prepared
+        known = replace(self, settings=replace(settings, lever_arm=found.arm))
+        imu, alignment, condition = known.aligned(found.offsets.velocity)
+        finding = arm_finding(found, told, asked=asked)
+        setup = replace(
+            setup,
+            lever_arm=found.arm,
+            offsets=found.offsets,
+            alignment=alignment,
+            condition=replace(condition, findings=(*condition.findings, finding)),
+        )
+        return PreparedDrive(imu, setup)
 
     def _fitting(self, prepared: PreparedDrive) -> PreparedDrive:
         condition = _require_fit(prepared.imu, self.gnss, prepared.setup, self.align_one)
@@ -227,11 +258,14 @@ def _tuned(
     imu, setup = prepared.imu, prepared.setup
     settings = setup.settings
     noise: Literal["channels"] | None = "channels" if tuned else None
-    part = imu if tuned else enough_for_offsets(imu, gnss, setup)
-    found = tune(part, gnss, setup, Sought(noise, settings.estimates_offset), say)
-    aided = _aided(PreparedDrive(imu, found.setup), gnss, say)
+    until = enough_to_tune(imu, gnss, setup)
+    found = tune(imu, gnss, setup, Sought(noise, settings.estimates_offset, until=until), say)
+    # what is not known of the noise counts once all is found
+    plain = replace(found.setup, spread=None)
+    aided = _aided(PreparedDrive(imu, plain), gnss, say)
     if not tuned or "nhc" not in settings.constraints:
-        return PreparedDrive(imu, judge_constraints(imu, gnss, found.setup, aided))
+        judged = judge_constraints(imu, gnss, plain, aided)
+        return PreparedDrive(imu, replace(judged, spread=found.setup.spread))
     # how well the vehicle keeps to its forward axis, with the noise of the sensors as it is now
     say("tuning the constraints of the vehicle")
     once_more = replace(
@@ -242,8 +276,10 @@ def _tuned(
         condition=aided.condition,
     )
     known = {name: v for name, v in found.values.items() if "offset" not in name}
-    both = tune(imu, gnss, once_more, Sought(noise, offsets=False, fixed=known), say)
-    return PreparedDrive(imu, judge_constraints(imu, gnss, found.setup, both.setup))
+    again = Sought(noise, offsets=False, fixed=known, until=until)
+    both = tune(imu, gnss, once_more, again, say)
+    judged = judge_constraints(imu, gnss, plain, both.setup)
+    return PreparedDrive(imu, replace(judged, spread=found.setup.spread))
 
 
 def _name_wrong_unit(imu: ImuRecording, align_one: Callable[[ImuRecording], Alignment]) -> None:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigation.aiding.gnss import GnssPosition, GnssVelocity
-from schuler.navigation.aiding.options import PLAIN, MeasurementOptions
+from schuler.navigation.aiding.gnss import GnssErrorModel, GnssPosition, GnssVelocity
+from schuler.navigation.aiding.options import WHITE_ERRORS, MeasurementOptions
 from schuler.navigation.aiding.schedule import (
     Aiding,
     AidingSchedule,
@@ -29,6 +29,8 @@ from schuler.navigation.tuning.vibration import VibrationResponse, vibration_lev
 from schuler.types import FloatArray
 
 CONSTANT_NOISE = VibrationResponse()
+LONGEST = 2.0
+"""Nepers, exponents or units of offsets by which parameters are moved: a normal law ends there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +95,33 @@ class SensorStart:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ParameterSpread:
+    """How well parameters of a setup are known that a drive has told.
+
+    Parameters
+    ----------
+    names : tuple of str
+        As in tuning/tune.py.
+    covariance : (p, p) ndarray
+        In nepers, exponents and units of the search for offsets.
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+
+    def columns(self) -> list[dict[str, float]]:
+        """Return the columns of a square root of the covariance, none longer than allowed."""
+        # shares of the receiver's claim are at their prior, or known well
+        kept = [k for k, name in enumerate(self.names) if not name.startswith("gnss")]
+        square = self.covariance[np.ix_(kept, kept)]
+        values, axes = np.linalg.eigh(square)
+        root = axes * np.sqrt(np.maximum(values, 0.0))
+        names = [self.names[k] for k in kept]
+        root /= np.maximum(np.abs(root).max(axis=0) / LONGEST, 1.0)
+        return [dict(zip(names, c.tolist(), strict=True)) for c in root.T]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RunSetup:
     """Everything a run needs besides the recordings.
 
@@ -124,6 +153,8 @@ class RunSetup:
         What the user said.
     stretches : SensorStretches or None
         Where it changes how the sensors of an array show.
+    spread : ParameterSpread or None
+        How well the drive tells what was tuned.
     """
 
     model: SensorErrorModel
@@ -136,9 +167,10 @@ class RunSetup:
     sensor_start: SensorStart | None = None
     sources: tuple[Aiding, ...] = ()
     condition: DriveCondition = SOUND
-    measurements: MeasurementOptions = PLAIN
+    measurements: MeasurementOptions = WHITE_ERRORS
     settings: NavigationSettings = field(default_factory=NavigationSettings)
     stretches: SensorStretches | None = None
+    spread: ParameterSpread | None = None
 
     @property
     def vehicle_states(self) -> VehicleStates:
@@ -147,9 +179,8 @@ class RunSetup:
 
     def with_sensors(self, base: SensorErrorModel) -> RunSetup:
         """Return the same setup with other sensors: noise factors, then states of all aiding."""
-        told = self.settings.measurements
-        # as the drive has found them, where it was asked already
-        told = replace(told, correlated=self.measurements.correlated or told.correlated)
+        # errors of GNSS as the drive has found them, where it was asked already
+        told = replace(self.settings.measurements, correlated=self.measurements.correlated)
         model, placed = told.placed(self.factors.applied(base))
         vehicle = self.vehicle
         if vehicle is not None and vehicle.first_state >= 0:
@@ -206,6 +237,9 @@ class RunSetup:
         speed = float(np.linalg.norm(start.velocity))
         assert gnss.position_sd is not None
         sd = np.where(np.isfinite(gnss.position_sd[near]), gnss.position_sd[near], 10.0)
+        slow = self.measurements.correlated
+        if isinstance(slow, GnssErrorModel):
+            sd = sd * np.sqrt(max(slow.white + slow.slow, 1.0))
         position_sd = 3.0 * sd + 0.1 + float(np.linalg.norm(self.lever_arm)) + speed * away
         velocity_sd = 0.1 if start.rest is not None else 1.0
         attitude_sd = [start.tilt_sd, start.tilt_sd, start.heading_sd]
@@ -245,25 +279,31 @@ class RunSetup:
                     "constraint_sd_right_m_s": self.vehicle.lateral_sd,
                     "constraint_sd_down_m_s": self.vehicle.vertical_sd,
                 }
-        return vehicle | {
-            "time_offset_position_s": self.offsets.position,
-            "time_offset_velocity_s": self.offsets.velocity,
-            "lever_arm_m": self.lever_arm.tolist(),
-            "alignment": start.method,
-            "gnss_update": self.measurements.weighting.update,
-            "gnss_noise_adapts": self.measurements.weighting.adaptive,
-            "initial_heading_sd_deg": float(np.degrees(start.heading_sd)),
-            "gnss_position_sd_factor": self.factors.position_sd,
-            "gnss_velocity_sd_factor": self.factors.velocity_sd,
-            "vibration_exponent_accel": self.vibration.accel,
-            "vibration_exponent_gyro": self.vibration.gyro,
-            "white_noise_density": dict(
-                zip(FILTER_CHANNELS, model.white_density.tolist(), strict=True)
-            ),
-            "bias_walk_density": {
-                FILTER_CHANNELS[c]: float(np.sqrt(model.diffusion[j, 0]))
-                for c, j in constant.items()
-            },
-            "sensor_error_states": list(model.names),
-            "left_out": list(model.ignored),
-        }
+        slow = self.measurements.correlated
+        errors = {"gnss_errors": "taken for white noise"} if slow is None else slow.to_dict()
+        return (
+            vehicle
+            | errors
+            | {
+                "time_offset_position_s": self.offsets.position,
+                "time_offset_velocity_s": self.offsets.velocity,
+                "lever_arm_m": self.lever_arm.tolist(),
+                "alignment": start.method,
+                "gnss_update": self.measurements.weighting.update,
+                "gnss_noise_adapts": self.measurements.weighting.adaptive,
+                "initial_heading_sd_deg": float(np.degrees(start.heading_sd)),
+                "gnss_position_sd_factor": self.factors.position_sd,
+                "gnss_velocity_sd_factor": self.factors.velocity_sd,
+                "vibration_exponent_accel": self.vibration.accel,
+                "vibration_exponent_gyro": self.vibration.gyro,
+                "white_noise_density": dict(
+                    zip(FILTER_CHANNELS, model.white_density.tolist(), strict=True)
+                ),
+                "bias_walk_density": {
+                    FILTER_CHANNELS[c]: float(np.sqrt(model.diffusion[j, 0]))
+                    for c, j in constant.items()
+                },
+                "sensor_error_states": list(model.names),
+                "left_out": list(model.ignored),
+            }
+        )

@@ -10,20 +10,21 @@ deviations of velocity. What they do not tell stays at the prior.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.navigation.aiding.gnss import GnssErrorModel
+from schuler.navigation.aiding.standstill import REST_INTERVAL, detect_standstill
 from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu
 from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.tuning.likelihood import innovations
+from schuler.navigation.tuning.likelihood import enough_to_tune, innovations
 from schuler.navigation.tuning.scoring import maximise
 from schuler.navigation.tuning.vibration import level_at, vibration_level
 from schuler.screening.screen import Finding
-from schuler.types import FloatArray
+from schuler.types import BoolArray, FloatArray
 
 WHITE, SLOW, TIME, VELOCITY = "gnss white", "gnss slow", "gnss time", "gnss velocity"
 USUAL_TIME = 60.0
@@ -34,10 +35,13 @@ LEAST_WHITE = 0.04
 PRIOR_SD = {WHITE: 1.5, SLOW: 0.7, TIME: 0.7, VELOCITY: 1.5}
 """Nepers."""
 FLOOR = {WHITE: float(np.log(LEAST_WHITE)), SLOW: 0.0, TIME: -3.0, VELOCITY: float(np.log(0.5))}
+MOST_SLOW = 16.0
+"""Share of the claimed variance: what looks larger is not the receiver's error."""
+FEWEST_FIXES = 20
 TOLD = 0.5
 """Standard error, in nepers, below which a drive is said to tell."""
 LARGE = 3.0
-"""A slow share above it is not the receiver's alone."""
+"""Shares of the claimed variance above it are not the receiver's alone."""
 
 
 def split_errors(setup: RunSetup) -> GnssErrorModel | None:
@@ -54,9 +58,8 @@ def with_split(setup: RunSetup, x: Mapping[str, float]) -> RunSetup:
     white = float(np.exp(x[WHITE]))
     left = max(abs(1.0 - white), 0.1 * white)
     time = min(USUAL_TIME * float(np.exp(x.get(TIME, 0.0))), LONGEST_TIME)
-    split = replace(
-        before, white=white, slow=left * float(np.exp(x.get(SLOW, 0.0))), correlation_time=time
-    )
+    slow = min(left * float(np.exp(x.get(SLOW, 0.0))), max(MOST_SLOW, left))
+    split = replace(before, white=white, slow=slow, correlation_time=time)
     factors = setup.factors
     velocity_sd = factors.velocity_sd * float(np.exp(x.get(VELOCITY, 0.0)))
     return replace(
@@ -67,56 +70,88 @@ def with_split(setup: RunSetup, x: Mapping[str, float]) -> RunSetup:
     )
 
 
-def fit_split(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> RunSetup:
-    """Find the split under which the innovations were most likely, and say it."""
+def split_start(
+    setup: RunSetup, names: tuple[str, ...]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where a search begins, inverse variances of its prior, its floor; free where not known."""
     split = split_errors(setup)
-    if split is None or gnss.size < 20:
-        return setup
-    slow = slower_imu(imu)
-    level = level_at(slow.time, imu, vibration_level(imu)) if setup.vibration.active else None
-    names = (WHITE, SLOW, TIME, *((VELOCITY,) if gnss.velocity is not None else ()))
+    assert split is not None
     left = max(abs(1.0 - split.white), 0.1 * split.white)
     begin = {
         WHITE: np.log(split.white),
         SLOW: np.log(max(split.slow, 1e-3) / left),
         TIME: np.log(split.correlation_time / USUAL_TIME),
     }
-    floor = np.array([FLOOR[n] for n in names])
+    # half of the velocity's deviations, or what the drive has found already
+    found = min(0.0, FLOOR[VELOCITY] - float(np.log(setup.factors.velocity_sd)))
+    low = FLOOR | {VELOCITY: found}
+    floor = np.array([low.get(n, -np.inf) for n in names])
     start = np.maximum([begin.get(n, 0.0) for n in names], floor)
-    prior = np.array([PRIOR_SD[n] ** -2 for n in names])
+    prior = np.array([PRIOR_SD[n] ** -2 if n in PRIOR_SD else 0.0 for n in names])
+    return start, prior, floor
+
+
+def fit_split(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> RunSetup:
+    """Find the split under which the innovations were most likely, and say it."""
+    split = split_errors(setup)
+    if split is None or gnss.size < FEWEST_FIXES:
+        return setup
+    slow = slower_imu(imu).between(-np.inf, enough_to_tune(imu, gnss, setup))
+    level = level_at(slow.time, imu, vibration_level(imu)) if setup.vibration.active else None
+    names = (WHITE, SLOW, TIME, *((VELOCITY,) if gnss.velocity is not None else ()))
+    start, prior, floor = split_start(setup, names)
 
     def at(x: FloatArray) -> RunSetup:
         return with_split(setup, dict(zip(names, x.tolist(), strict=True)))
 
+    moving = _moving(imu, gnss.time)
+
     def evaluate(x: FloatArray) -> InnovationSequence:
-        return innovations(slow, [gnss], at(x), level)
+        found = innovations(slow, [gnss], at(x), level)
+        return found.select(moving(found.time))
 
     found = maximise(evaluate, start, prior, floor)
-    done = at(found.x)
-    finding = _finding(done, dict(zip(names, found.sd.tolist(), strict=True)))
-    condition = replace(done.condition, findings=(*done.condition.findings, finding))
-    return replace(done, condition=condition)
+    return _judged(at(found.x), dict(zip(names, found.sd.tolist(), strict=True)))
 
 
-def _finding(setup: RunSetup, sd: dict[str, float]) -> Finding:
-    """The split in words."""
+def _moving(imu: ImuRecording, fixes: FloatArray) -> Callable[[FloatArray], BoolArray]:
+    """Tell which moments are not at rest; all, where too few fixes are not.
+
+    Receivers smooth their positions while they stand: what these show is not so in motion.
+    """
+    rest = detect_standstill(imu).time
+
+    def moving(time: FloatArray) -> BoolArray:
+        if not rest.size:
+            return np.ones(time.size, dtype=np.bool_)
+        after = np.searchsorted(rest, time)
+        before = np.abs(time - rest[np.maximum(after - 1, 0)])
+        near = np.minimum(before, np.abs(rest[np.minimum(after, rest.size - 1)] - time))
+        return np.asarray(near > REST_INTERVAL)
+
+    if moving(fixes).sum() < FEWEST_FIXES:
+        rest = np.empty(0)
+    return moving
+
+
+def _judged(setup: RunSetup, sd: dict[str, float]) -> RunSetup:
+    """Whether the drive has told; a receiver that is off by far more than it claims is named."""
     split = setup.measurements.correlated
     assert isinstance(split, GnssErrorModel)
-    told = sd[SLOW] < TOLD or split.slow > 1.5 * max(abs(1.0 - split.white), 0.1 * split.white)
-    white, slow = (100.0 * float(np.sqrt(s)) for s in (split.white, split.slow))
-    why = "by the innovations" if told else "default: this drive does not tell"
-    text = (
-        f"errors of GNSS positions: {white:.0f} % of the claimed sd is white, {slow:.0f} % lasts "
-        f"about {split.correlation_time:.0f} s ({why})"
+    left = max(abs(1.0 - split.white), 0.1 * split.white)
+    told = sd[SLOW] < TOLD or split.slow > 1.5 * left
+    split = replace(split, told=told)
+    setup = replace(setup, measurements=replace(setup.measurements, correlated=split))
+    if max(split.slow, split.white) <= LARGE:
+        return setup
+    finding = Finding(
+        "claims",
+        "warning",
+        "errors of GNSS positions are larger than the receiver says: "
+        + str(split.to_dict()["gnss_errors"]),
+        value=split.white + split.slow,
+        cure="check lever arm, time offset and axes: what is wrong with them looks like errors of "
+        "the receiver; else give its true deviation (--gnss-position-sd)",
     )
-    large = split.slow > LARGE
-    return Finding(
-        "GNSS errors",
-        "warning" if large else "info",
-        text,
-        value=split.slow,
-        cure="check lever arm, time offset and axes: what is wrong with them looks like slow "
-        "errors of the receiver"
-        if large
-        else "",
-    )
+    condition = setup.condition
+    return replace(setup, condition=replace(condition, findings=(*condition.findings, finding)))

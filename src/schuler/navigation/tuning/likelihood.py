@@ -57,8 +57,9 @@ def innovations(
 
 # searches around the edge of the one before
 WIDENINGS = 3
-# offsets are looked for in so much motion (s), at this speed or more (m/s): an hour tells no more
-ENOUGH_MOTION = 900.0
+# offsets and noise are looked for in so much motion (s), at this speed or more (m/s): an hour
+# tells hardly more
+ENOUGH_MOTION = 400.0
 LEAST_SPEED = 1.0
 
 
@@ -91,7 +92,7 @@ def velocity_lag(gnss: GnssRecording) -> float:
 
 
 def end_of_enough_motion(gnss: GnssRecording) -> float:
-    """Time by which GNSS has moved for a quarter of an hour."""
+    """Time by which GNSS has moved for long enough."""
     from schuler.earth import ned_from_geodetic
 
     step = np.diff(gnss.time)
@@ -101,12 +102,11 @@ def end_of_enough_motion(gnss: GnssRecording) -> float:
     return float(gnss.time[enough[0] + 1] if enough.size else gnss.time[-1])
 
 
-def enough_for_offsets(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> ImuRecording:
-    """Return as much of a recording as it takes to find its time offsets."""
+def enough_to_tune(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> float:
+    """Time up to which a recording tells offsets and noise; its end, if it begins anew later."""
     stop = end_of_enough_motion(gnss) + 1.0
-    if stop < imu.time[-1] and all(r.time < stop for r in setup.condition.restarts):
-        return imu.between(float(imu.time[0]), stop)
-    return imu
+    later = any(r.time >= stop for r in setup.condition.restarts)
+    return float(imu.time[-1]) if later else min(stop, float(imu.time[-1]))
 
 
 def find_time_offset(

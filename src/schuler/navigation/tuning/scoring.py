@@ -21,16 +21,25 @@ SCORE_BLOCK = 20.0
 DERIVATIVE_STEP = 1e-2
 # the search ends when a step promises less than this gain of log-likelihood: a parameter one
 # standard deviation off costs 0.5
-TOLERANCE = 0.2
-LONGEST_SEARCH = 30
+TOLERANCE = 0.3
+LONGEST_SEARCH = 40
+# the step of Fisher scoring over the shortest
+MOST_BEND = 4.0
+
+
+# a step that gains less than this share of what it promised asks for new derivatives
+POOR_STEP = 0.3
+# gain since the derivatives were taken, below which they still hold
+STILL_GOOD = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Maximum:
-    """Parameters (p,), their standard errors (p,), and how the search went."""
+    """Parameters (p,), their standard errors (p,) and covariance, and how the search went."""
 
     x: FloatArray
     sd: FloatArray
+    covariance: FloatArray
     log_likelihood: float
     gain: float
     converged: bool
@@ -43,8 +52,12 @@ def maximise(
     floor: FloatArray,
     longest: int = LONGEST_SEARCH,
 ) -> Maximum:
-    """Fisher scoring with a damped step, above a floor. Harvey, section 3.4."""
-    count = prior.size
+    """Fisher scoring with a damped step, above a floor. Harvey, section 3.4.
+
+    Derivatives of the innovations cost an evaluation for each parameter and change slowly: they
+    are kept from step to step, with the innovations of the day, and taken anew where a step is
+    poor and before the search ends.
+    """
 
     def value(sequence: InnovationSequence, at: FloatArray) -> float:
         return sequence.log_likelihood - 0.5 * float(at @ (prior * at))
@@ -56,35 +69,79 @@ def maximise(
             "the likelihood of the drive cannot be evaluated",
             cure="check units, axes and time of IMU and GNSS",
         )
-    damping, converged = 0.0, False
-    slopes = _derivatives(evaluate, x, now, prior)
-    for _ in range(longest if count else 0):
-        # what would leave through the floor stays out of this step
-        gradient, information = slopes.gradient, slopes.information
-        free = (x > floor) | (gradient > 0.0)
-        step, trial, there = np.zeros(count), now, -np.inf
-        while damping < 1e6:
-            damped = information + damping * np.diag(np.diag(information) + 1e-12)
-            step = np.zeros(count)
-            step[free] = np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
-            step = np.maximum(np.clip(step, -2.0, 2.0), floor - x)
-            converged = 0.5 * float(gradient @ step) < TOLERANCE
+    damping, since, converged = 0.0, 0.0, False
+    # curvature over that which is expected
+    bend = 1.0
+    x = x.astype(np.float64)
+    derivatives = _derivatives(evaluate, x, now)
+    for _ in range(longest if prior.size else 0):
+        slopes = derivatives.slopes(now, x, prior)
+        step, promise = _step(slopes, x, floor, damping)
+        if promise < TOLERANCE:
+            converged = since < STILL_GOOD
             if converged:
                 break
-            trial = evaluate(x + step)
-            there = value(trial, x + step)
-            if np.isfinite(there) and there > best:
+            derivatives, since = _derivatives(evaluate, x, now), 0.0
+            continue
+        length = 1.0 / bend
+        step = np.maximum(length * step, floor - x)
+        trial = evaluate(x + step)
+        gain = value(trial, x + step) - best
+        good = bool(np.isfinite(gain)) and gain > 0.0
+        seen = (2.0 * length - gain / promise) / length**2 if np.isfinite(gain) else MOST_BEND
+        bend = float(np.clip(seen, 1.0, MOST_BEND))
+        if not good:
+            if since > 0.0:
+                derivatives, since = _derivatives(evaluate, x, now), 0.0
+            elif length <= 1.0 / MOST_BEND:
+                damping = max(4.0 * damping, 0.1)
+            if damping > 1e6:
                 break
-            damping = max(4.0 * damping, 0.1)
-        if converged or damping >= 1e6:
-            break
+            continue
+        x, now, best, since = x + step, trial, best + gain, since + gain
         damping = 0.0 if damping < 0.2 else 0.25 * damping
-        converged = there - best < TOLERANCE
-        x, now, best = x + step, trial, there
-        if converged:
-            break
-        slopes = _derivatives(evaluate, x, now, prior)
-    return Maximum(x, slopes.standard_errors, best, best - first, converged or count == 0)
+        if gain < POOR_STEP * promise or now.value.size != len(derivatives.value):
+            derivatives, since = _derivatives(evaluate, x, now), 0.0
+    slopes = derivatives.slopes(now, x, prior)
+    covariance = slopes.covariance
+    return Maximum(
+        x,
+        np.sqrt(np.diag(covariance)),
+        covariance,
+        best,
+        best - first,
+        converged or not prior.size,
+    )
+
+
+def promised_gain(
+    evaluate: Callable[[FloatArray], InnovationSequence],
+    x: FloatArray,
+    prior: FloatArray,
+    last: int,
+) -> float:
+    """Gain of log-likelihood that the last parameters promise over the best of the others."""
+    now = evaluate(x)
+    slopes = _derivatives(evaluate, x, now).slopes(now, x, prior)
+    gradient, information = slopes.gradient, slopes.information
+    rest = x.size - last
+    whole = gradient @ np.linalg.solve(information, gradient)
+    part = gradient[:rest] @ np.linalg.solve(information[:rest, :rest], gradient[:rest])
+    return 0.5 * float(whole - part)
+
+
+def _step(
+    slopes: _Slopes, x: FloatArray, floor: FloatArray, damping: float
+) -> tuple[FloatArray, float]:
+    """The next step, and the gain that it promises."""
+    gradient, information = slopes.gradient, slopes.information
+    # what would leave through the floor stays out of this step
+    free = (x > floor) | (gradient > 0.0)
+    damped = information + damping * np.diag(np.diag(information) + 1e-12)
+    step = np.zeros(x.size)
+    step[free] = np.linalg.solve(damped[np.ix_(free, free)], gradient[free])
+    step = np.maximum(np.clip(step, -2.0, 2.0), floor - x)
+    return step, 0.5 * float(gradient @ step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,38 +157,47 @@ class _Slopes:
     scatter: FloatArray
 
     @property
-    def standard_errors(self) -> FloatArray:
-        """Square roots of the diagonal of H^-1 J H^-1; never below those of H^-1."""
-        inverse = np.linalg.pinv(self.information)
-        sandwich = np.diag(inverse @ self.scatter @ inverse)
-        return np.asarray(np.sqrt(np.maximum(sandwich, np.diag(inverse))))
+    def covariance(self) -> FloatArray:
+        """H^-1 J H^-1, and never surer in any direction than H^-1."""
+        values, axes = np.linalg.eigh(self.information)
+        root = (axes / np.sqrt(np.maximum(values, 1e-12))) @ axes.T
+        share, turn = np.linalg.eigh(root @ self.scatter @ root)
+        half = root @ turn
+        return np.asarray((half * np.maximum(share, 1.0)) @ half.T)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Derivatives:
+    """Of innovations (n, p), and of the logarithms of their variances (n, p)."""
+
+    value: FloatArray
+    spread: FloatArray
+
+    def slopes(self, now: InnovationSequence, x: FloatArray, prior: FloatArray) -> _Slopes:
+        """What follows from them with innovations that may be those of a step later."""
+        root = np.sqrt(now.variance)
+        z, weight = now.value / root, now.weight
+        shift, spread = self.value / root[:, None], self.spread
+        score = -(shift * (weight * z)[:, None] + 0.5 * spread * (1.0 - weight * z**2)[:, None])
+        information = shift.T @ shift + 0.5 * spread.T @ spread + np.diag(prior)
+        piece = ((now.time - now.time.min()) / SCORE_BLOCK).astype(np.int64)
+        pieces = np.zeros((int(piece.max()) + 1, x.size))
+        np.add.at(pieces, piece, score)
+        pieces -= pieces.mean(axis=0)
+        # the parameters have been fitted to these scores
+        scatter = pieces.T @ pieces * (len(pieces) / max(len(pieces) - x.size, 1))
+        return _Slopes(score.sum(axis=0) - prior * x, information, scatter)
 
 
 def _derivatives(
-    evaluate: Callable[[FloatArray], InnovationSequence],
-    x: FloatArray,
-    now: InnovationSequence,
-    prior: FloatArray,
-) -> _Slopes:
-    """First derivatives of the innovations, and what follows from them."""
-    count = x.size
-    root = np.sqrt(now.variance)
-    z = now.value / root
-    weight = now.weight
-    shift = np.empty((z.size, count))
-    spread = np.empty((z.size, count))
-    for k in range(count):
+    evaluate: Callable[[FloatArray], InnovationSequence], x: FloatArray, now: InnovationSequence
+) -> _Derivatives:
+    """Numerical derivatives, one evaluation for each parameter."""
+    value, spread = np.empty((2, now.value.size, x.size))
+    for k in range(x.size):
         moved = x.copy()
         moved[k] += DERIVATIVE_STEP
         there = evaluate(moved)
-        shift[:, k] = (there.value - now.value) / root / DERIVATIVE_STEP
+        value[:, k] = (there.value - now.value) / DERIVATIVE_STEP
         spread[:, k] = np.log(there.variance / now.variance) / DERIVATIVE_STEP
-    score = -(shift * (weight * z)[:, None] + 0.5 * spread * (1.0 - weight * z**2)[:, None])
-    information = shift.T @ shift + 0.5 * spread.T @ spread + np.diag(prior)
-    piece = ((now.time - now.time.min()) / SCORE_BLOCK).astype(np.int64)
-    pieces = np.zeros((int(piece.max()) + 1, count))
-    np.add.at(pieces, piece, score)
-    pieces -= pieces.mean(axis=0)
-    # the parameters have been fitted to these scores
-    scatter = pieces.T @ pieces * (len(pieces) / max(len(pieces) - count, 1))
-    return _Slopes(score.sum(axis=0) - prior * x, information, scatter)
+    return _Derivatives(value, spread)

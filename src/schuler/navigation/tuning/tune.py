@@ -28,7 +28,12 @@ from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu, thin
-from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
+from schuler.navigation.preparation.setup import (
+    NoiseFactors,
+    ParameterSpread,
+    RunSetup,
+    TimeOffsets,
+)
 from schuler.navigation.tuning.gnss_errors import FLOOR, WHITE, split_errors, with_split
 from schuler.navigation.tuning.likelihood import innovations
 from schuler.navigation.tuning.scoring import LONGEST_SEARCH, maximise
@@ -99,6 +104,8 @@ class Sought:
         Of a factor, nepers.
     longest : int
         Most steps.
+    until : float
+        Time up to which the drive is looked at, s.
     """
 
     noise: Literal["channels", "sensors"] | None
@@ -107,6 +114,7 @@ class Sought:
     fixed: Mapping[str, float] = field(default_factory=dict)
     prior_sd: float = PRIOR_SD
     longest: int = LONGEST_SEARCH
+    until: float = np.inf
 
     def names(self, start: RunSetup, gnss: GnssRecording) -> tuple[str, ...]:
         """Return the free parameters."""
@@ -144,7 +152,7 @@ def tune(
             expected="at least 20",
             cure="give a noise model and time offsets",
         )
-    slow = slower_imu(imu)
+    slow = slower_imu(imu).between(-np.inf, sought.until)
     level = level_at(slow.time, imu, vibration_level(imu)) if sought.noise == "channels" else None
     rolling = start.vehicle is not None and start.vehicle.first_state >= 0
     thinned = [thin(gnss, interval) for interval in (VEHICLE_THINNING if rolling else THINNING)]
@@ -158,17 +166,21 @@ def tune(
         calls += 1
         if progress is not None and calls % 10 == 0:
             progress(f"tuning: the drive filtered {calls} times")
-        setup = _sparser(_setup_at(held | dict(zip(names, x, strict=True)), start))
+        setup = _sparser(setup_at(held | dict(zip(names, x, strict=True)), start))
         return innovations(slow, thinned, setup, level)
 
     split = split_errors(start)
     begun = {WHITE: 0.0 if split is None else float(np.log(split.white))} | dict(sought.first)
     begin = np.array([begun.get(n, 0.0) for n in names])
-    found = maximise(evaluate, np.maximum(begin, floor), prior, floor, sought.longest)
+    begin = np.maximum(begin, floor)
+    found = maximise(evaluate, begin, prior, floor, sought.longest)
     unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
     values = dict(zip(names, found.x.tolist(), strict=True))
+    setup = setup_at(held | values, start)
+    if not held:
+        setup = replace(setup, spread=ParameterSpread(names, found.covariance))
     return Tuning(
-        setup=_setup_at(held | values, start),
+        setup=setup,
         values=held | values,
         log_likelihood=found.log_likelihood,
         gain=found.gain,
@@ -217,7 +229,9 @@ def _prior_and_floor(name: str, prior_sd: float) -> tuple[float, float]:
     return prior_sd**-2, -8.0
 
 
-def _setup_at(x: Mapping[str, float], start: RunSetup) -> RunSetup:
+def setup_at(x: Mapping[str, float], start: RunSetup) -> RunSetup:
+    """A setup with parameters moved: nepers, exponents, and units of the search for offsets."""
+
     def factor(name: str) -> float:
         return float(np.exp(x.get(name, 0.0)))
 

@@ -140,6 +140,7 @@ FOUND = (
     ("lever_arm_m", "lever arm, IMU to antenna", "m"),
     ("mounting_deg", "mounting (roll, pitch, yaw of the IMU in the vehicle)", "deg"),
     ("gnss_position_sd_factor", "real over claimed sd, GNSS position", ""),
+    ("gnss_errors", "errors of GNSS positions", ""),
     ("gnss_velocity_sd_factor", "real over claimed sd, GNSS velocity", ""),
 )
 
