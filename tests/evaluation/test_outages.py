@@ -166,7 +166,7 @@ def made_up(sd: float, arm: tuple[float, float, float]) -> tuple[NavigationSolut
     gnss = simulate_gnss(
         car_urban(300.0, 3, standstill=20.0),
         1.0,
-        position_sd=1e-6,
+        position_sd=1e-3,
         velocity_sd=0.05,
         rng=np.random.default_rng(0),
     )

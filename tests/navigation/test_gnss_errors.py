@@ -83,7 +83,7 @@ def test_errors_that_last_are_told_and_no_more_when_they_may() -> None:
     for seed in SEEDS:
         assert "lasting errors" in kinds(solved(seed, "off"))
         assert "lasting errors" not in kinds(solved(seed, "auto"))
-        assert "told by" in solved(seed, "auto").settings["gnss_errors"]
+        assert "lasts about" in solved(seed, "auto").settings["gnss_errors"]
     # of sixteen white receivers one was taken for one whose errors last
     white = [kinds(solved(seed, "off", white=True)) for seed in range(7001, 7007)]
     assert sum("lasting errors" in found for found in white) <= 1

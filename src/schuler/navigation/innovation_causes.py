@@ -50,7 +50,7 @@ def regression(value: FloatArray, sd: FloatArray, effect: FloatArray) -> Depende
     y = (value / sd).ravel()
     a = (effect / sd[..., None]).reshape(y.size, -1)
     normal = a.T @ a + 1e-12 * np.eye(a.shape[1])
-    size = np.linalg.solve(normal, a.T @ y)
+    size: FloatArray = np.asarray(np.linalg.solve(normal, a.T @ y), dtype=np.float64)
     gain, whole, degrees = float(size @ normal @ size), float(y @ y), a.shape[1]
     left = max((whole - gain) / max(y.size - degrees, 1), 1e-12)
     sure = (gain / left - degrees) / np.sqrt(2.0 * degrees)
