@@ -212,7 +212,8 @@ def endure(run: Run, seed: int = 1) -> list[str]:
     except SchulerError as error:
         missed.append(f"{run.name}: {error}")
     ratio = squares / max(count, 1)
-    early = memory[len(memory) // 10] if memory else 0.0
+    # the first pieces fill caches
+    early = memory[min(max(2, len(memory) // 10), len(memory) - 1)] if memory else 0.0
     growth = (memory[-1] - early) / 1e6 if memory else 0.0
     print(
         f"{run.name:22} {total:9d} samples in {time.monotonic() - began:6.0f} s, "
