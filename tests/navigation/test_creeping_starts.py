@@ -9,8 +9,11 @@ import pytest
 from twins import navigation_errors, with_noise
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import InputError, NavigationError
+from schuler.navigation.aiding.gnss import require_possible
 from schuler.navigation.preparation.alignment import align
 from schuler.navigation.preparation.felt_lag import find_felt_lag
+from schuler.navigation.preparation.moving_start import start_in_motion
 from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.rotations import dcm_from_euler
 from schuler.simulation import Profile, ideal_imu, simulate_gnss
@@ -114,3 +117,23 @@ def test_slow_and_steady_creeping_is_no_rest() -> None:
         rest = find_initial_rest(imu, gnss)
         assert rest is not None
         assert rest[1] > 50.0 if speed == 0.0 else rest[1] < 30.0
+
+
+def test_seldom_fixes_at_a_moving_start_are_refused_with_their_cause() -> None:
+    _, imu, gnss, _ = drawn(23, standing=False)
+    seldom = gnss.select(np.arange(gnss.size) % 40 == 0)
+    with pytest.raises(NavigationError, match="a fix every 20 s") as error:
+        start_in_motion(imu, seldom, 0.0, np.zeros(3))
+    assert "two seconds at rest" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("latitude", "sd", "words"),
+    [(89.9999, 1.0, "of a pole"), (48.0, 1e-9, "no receiver is that sure")],
+)
+def test_fixes_that_cannot_be_used_are_refused_with_their_cause(
+    latitude: float, sd: float, words: str
+) -> None:
+    place = np.tile([np.radians(latitude), 0.1, 100.0], (5, 1))
+    with pytest.raises(InputError, match=words):
+        require_possible(GnssRecording(np.arange(5.0), place, np.full((5, 3), sd)))

@@ -42,6 +42,8 @@ STRETCHES = (20.0, 40.0, 60.0, 90.0, 120.0, 180.0)
 MOTION_STRETCHES = (15.0, 30.0, 60.0, 120.0)
 """Seconds of real motion until which it is looked for where a drive begins without any."""
 LONGEST_STRETCH = 900.0
+SELDOM = 15.0
+"""Seconds between fixes from which motion between them is unknown."""
 SHORTEST_STEP = 4.0
 """Seconds by which a stretch is longer than the one before, or the recording is at its end."""
 FEWEST_EPOCHS = 8
@@ -104,12 +106,14 @@ def start_in_motion(
     time = gnss.time + offset
     inside = (time > window.time[0]) & (time < window.time[-1])
     ahead = (time > window.time[0]) & (time < window.time[0] + LONGEST_STRETCH)
-    if ahead.sum() < FEWEST_EPOCHS:
+    usual = float(np.median(np.diff(time[ahead]))) if ahead.sum() >= FEWEST_EPOCHS else np.inf
+    if usual > SELDOM:
+        seen = f"a fix every {usual:.0f} s" if np.isfinite(usual) else f"{ahead.sum()} fixes"
         raise NavigationError(
-            f"{ahead.sum()} GNSS epochs in the first {LONGEST_STRETCH / 60.0:.0f} minutes, and no "
-            "rest at the start",
-            expected=f"{FEWEST_EPOCHS} GNSS epochs, or two seconds at rest",
-            cure="cut the recording to where GNSS is there",
+            f"no rest at the start, and {seen} in the first {LONGEST_STRETCH / 60.0:.0f} minutes: "
+            "too seldom to find level and heading in motion",
+            expected=f"GNSS at least every {SELDOM:.0f} s, or two seconds at rest",
+            cure="cut the recording so that it starts at rest, or to where GNSS is there",
             where=gnss.name,
         )
     level, bias, levelled = _level_and_bias(window, time[inside], gnss, inside)
