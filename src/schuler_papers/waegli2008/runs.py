@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from schuler import (
+    MeasurementOptions,
     MechanizationComparison,
     NavigationSettings,
     bias_correlation,
@@ -21,6 +22,8 @@ from schuler_papers.waegli2008.rides import GRADES, Receiver, Ride
 Mechanization = Literal["single", "synthetic", "extended", "constrained", "system"]
 # roll, pitch, heading in degrees, as the paper has them
 UNITS = np.array([1.0] * 6 + [180.0 / np.pi] * 3)
+PAPER_S_GNSS = MeasurementOptions(correlated=None)
+"""The filter of the paper has 15 or 33 states: it takes errors of GNSS for white noise."""
 FAULT, FAULT_TIME = float(np.radians(2.0)), 80.0
 """Offset of one gyro, rad/s, and when it comes, s."""
 NUMBERS = (1, 2, 4, 8)
@@ -38,7 +41,11 @@ def compared(
         ride.gnss(receiver),
         ride.models,
         NavigationSettings(
-            heading=ride.heading, time_offset=0.0, turn_on_accel=0.0, turn_on_gyro=0.0
+            heading=ride.heading,
+            time_offset=0.0,
+            turn_on_accel=0.0,
+            turn_on_gyro=0.0,
+            measurements=PAPER_S_GNSS,
         ),
         mechanizations=names,
         parity=parity,
@@ -129,6 +136,7 @@ def run_faulty(seed: int, size: Size) -> Numbers:
             time_offset=0.0,
             turn_on_accel=0.0,
             turn_on_gyro=0.0,
+            measurements=PAPER_S_GNSS,
         )
         after = trajectory_errors(done.solution, ride.truth)[ride.truth.time >= FAULT_TIME]
         errors.append(np.sqrt(np.mean(after**2, axis=0)) * UNITS)

@@ -18,6 +18,7 @@ import numpy as np
 from schuler import (
     GaussMarkov,
     ImuArray,
+    MeasurementOptions,
     NoiseModel,
     RandomWalk,
     WhiteNoise,
@@ -72,7 +73,16 @@ def run(seed: int, size: Size) -> Numbers:
     claimed = np.empty_like(errors)
     for i, name in enumerate(NAMES):
         found = navigate_array(
-            array, gnss, models, mechanization=name, outages=windows, time_offset=0.0, imu=seed % 4
+            array,
+            gnss,
+            models,
+            mechanization=name,
+            outages=windows,
+            time_offset=0.0,
+            imu=seed % 4,
+            # the filters of the figures: noise as known, errors of GNSS white
+            weights="constant",
+            measurements=MeasurementOptions(correlated=None),
         )
         for k, window in enumerate(windows):
             judged = judge_window(
