@@ -93,8 +93,11 @@ def windows_of(seven: OutageEvaluation) -> None:
     if "constraint_sd_right_m_s" in run:
         print(
             f"    constraints: {run['constraint_sd_right_m_s']:.3f} m/s right and "
-            f"{run['constraint_sd_down_m_s']:.3f} m/s down; wheel "
-            f"{run['wheel_turns_per_metre']} turns a metre, {run['wheel_speeds']} speeds"
+            f"{run['constraint_sd_down_m_s']:.3f} m/s down"
+        )
+    if "wheel_speeds" in run:
+        print(
+            f"    wheel {run['wheel_turns_per_metre']} turns a metre, {run['wheel_speeds']} speeds"
         )
 
 
