@@ -19,7 +19,7 @@ from schuler.errors import InputError
 def told(
     tmp_path: Path, *shapes: str, report: Path | None = None, **options: object
 ) -> list[dict[str, object]]:
-    out = tmp_path / "out.json"
+    out = tmp_path / f"{len([*tmp_path.iterdir()])}.json"
     geometry(shapes, written=Written(report, out), **options)  # type: ignore[arg-type]
     return list(json.loads(out.read_text())["geometries"])
 
