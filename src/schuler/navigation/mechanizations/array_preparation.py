@@ -221,7 +221,8 @@ def prepare_array(
         notes = (*notes, *found.notes)
     silent = tuple((whole.names[i], start, stop) for i, start, stop in complete.silences)
     found = replace(found, silent=silent)
-    require_common_axes(without_faults(whole, found.absences))
+    if not isinstance(faults, ArrayFaults):
+        require_common_axes(without_faults(whole, found.absences))
     silences = [
         Absence(kind, (3 * i, 3 * i + 1, 3 * i + 2), start, stop)
         for i, start, stop in complete.silences
