@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.data._checks import check_finite
-from schuler.data.to_dict import ToDict
+from schuler.data.exportable import Exportable
 from schuler.errors import InputError
 from schuler.estimation.garch.differences import climb_samples
 from schuler.estimation.garch.fit import fit_garch
@@ -23,7 +23,7 @@ _EDGE = 16.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DccFit(ToDict):
+class DccFit(Exportable):
     """Q(t) = (1 - a - b) C + a z(t-1) z(t-1)' + b Q(t-1), correlations being Q with unit diagonal.
 
     Parameters
