@@ -32,7 +32,9 @@ VERBS = (
     "run",
     "warm",
 )
-"""Our verbs; each is a function of its name in a module of its name."""
+"""Our verbs; each is a function of its name in a module of its name, but for `BESIDE`."""
+BESIDE = {"formats": "read"}
+"""Verbs that stand in the module of another."""
 GROUP = "schuler.verbs"
 """Entry points of other packages: NAME = MODULE:FUNCTION."""
 
@@ -40,7 +42,7 @@ GROUP = "schuler.verbs"
 @cache
 def verbs() -> dict[str, str]:
     """Return the import path of every verb; ours come first and cannot be replaced."""
-    ours = {name: f"schuler.cli.verbs.{name}:{name}" for name in VERBS}
+    ours = {name: f"schuler.cli.verbs.{BESIDE.get(name, name)}:{name}" for name in VERBS}
     return ours | {name: path for name, path in plugins(GROUP).items() if name not in ours}
 
 
