@@ -30,7 +30,7 @@ def test_the_model_is_used_and_named(
     noise = ["--noise", str(drive / "noise.yaml")]
     states = {}
     for name in ("own", "15AV+turn-on", "flicker4"):
-        out = tmp_path / "a.json"
+        out = tmp_path / f"{name}.json"
         assert run(command(drive, *noise, "--model", name, "--smooth", "--json", str(out))) == 0
         told = json.loads(out.read_text())["settings"]["error_model"]
         states[told["name"]] = told["states"]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.options.error_models import OneModel
 from schuler.errors import SchulerError
 
 if TYPE_CHECKING:
@@ -119,8 +120,11 @@ class Run:
     noise : Path, optional
         Noise model as YAML, from `schuler characterize --noise-out`, or DATABASE#SERIAL, what
         `schuler batch` found of a sensor.
+    told : OneModel
+        An error model in its place.
     """
 
     gnss: Path
     imu: Path | None = None
     noise: Path | None = None
+    told: OneModel = field(default_factory=OneModel)

@@ -13,7 +13,6 @@ from schuler.cli.console import say
 from schuler.cli.job import Job, Result, working
 from schuler.cli.loading import load_array_drive, load_drive, load_noise
 from schuler.cli.options.arrays import ArrayOptions
-from schuler.cli.options.error_models import OneModel
 from schuler.cli.options.files import Run, Written
 from schuler.cli.options.outages import parse_windows
 from schuler.cli.options.reading import DriveReading
@@ -65,7 +64,6 @@ def navigate(
     several: ArrayOptions = ArrayOptions(),
     known: RunOptions = RunOptions(),
     sensors: SensorOptions = SensorOptions(),
-    told: OneModel = OneModel(),
     reading: DriveReading = DriveReading(),
     reference: Reference = Reference(),
 ) -> int:
@@ -81,14 +79,14 @@ def navigate(
 
     files = several.files(run.imu)
     sensors.check()
-    inputs = (*files, reading.calibration, run.gnss, run.noise, told.static)
+    inputs = (*files, reading.calibration, run.gnss, run.noise, run.told.static)
     job = Job(written, answer.out, inputs=(*inputs, answer.truth, *sensors.files))
     if answer.out is not None:
         check_trajectory_name(answer.out)
     if run.imu is not None:
-        result = _single(run.imu, run, answer, known, sensors, told, reading)
+        result = _single(run.imu, run, answer, known, sensors, reading)
         return job.finish(_judged(result, answer.truth, reference))
-    if told.model is not None:
+    if run.told.model is not None:
         raise InputError("--model with --array", expected="one IMU (--imu)")
     _require_for_arrays(several, answer, known, sensors)
     result = _array(run, answer, several, known, sensors, reading)
@@ -128,7 +126,6 @@ def _single(
     answer: Answer,
     known: RunOptions,
     sensors: SensorOptions,
-    told: OneModel,
     reading: DriveReading,
 ) -> Result:
     """Navigate with one IMU."""
@@ -141,7 +138,7 @@ def _single(
     recording, fixes = load_drive(imu, run.gnss, reading)
     keywords = sensors.keywords(keywords, recording.time, fixes, repair=reading.repair)
     with working("Navigating") as shown:
-        chosen, model = told.found(load_noise(run.noise), recording.rate)
+        chosen, model = run.told.found(load_noise(run.noise), recording.rate)
         cut, setup = prepare(recording, fixes, model, progress=shown.say, **keywords)
         shown.say("smoothing" if answer.smooth else "filtering")
         how: dict[str, Any] = {"smooth": answer.smooth, "lag": answer.lag}
