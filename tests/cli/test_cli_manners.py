@@ -16,7 +16,7 @@ from outcome import Outcome
 
 import schuler.execution.progress  # noqa: F401
 from schuler.cli.app import check
-from schuler.cli.registry import VERBS
+from schuler.cli.registry import VERBS, verbs
 from schuler.cli.verbs.run import EXAMPLE
 
 shown = sys.modules["schuler.execution.progress"]
@@ -25,7 +25,8 @@ Call = Callable[..., Outcome]
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_has_an_example_that_is_understood(verb: str, call: Call) -> None:
-    function = getattr(import_module(f"schuler.cli.verbs.{verb}"), verb)
+    module, _, name = verbs()[verb].partition(":")
+    function = getattr(import_module(module), name)
     found = re.search(r"Example: `schuler (.+?)( >.*)?`", function.__doc__)
     assert found is not None
     assert f"Example: schuler {verb}" in call(verb, "--help").out

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from schuler.data.output_file import OutputFile
+from schuler.output_file import OutputFile
 
 MODEL = "channels:\n  gyro_x:\n    - white_noise: {density: 1e-3}\n"
 unix = pytest.mark.skipif(not Path("/dev/full").exists(), reason="shells and devices of Linux")

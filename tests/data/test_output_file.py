@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from schuler import InputError
-from schuler.data.output_file import OutputFile
 from schuler.data.table import write_atomically, write_text
+from schuler.output_file import OutputFile
 
 posix = pytest.mark.skipif(os.name != "posix", reason="links, FIFOs and devices of Unix")
 ENDLESS = """

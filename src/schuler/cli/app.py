@@ -63,7 +63,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         return _run(arguments)
     finally:
-        output_file = sys.modules.get("schuler.data.output_file")
+        output_file = sys.modules.get("schuler.output_file")
         if output_file is not None:
             output_file.release_all()
 

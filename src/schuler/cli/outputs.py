@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from schuler.cli.console import MANNERS
-from schuler.data.output_file import OutputFile
 from schuler.errors import InputError
+from schuler.output_file import OutputFile
 
 STDOUT = Path("-")
 

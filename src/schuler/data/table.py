@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.data.output_file import OutputFile, is_temporary
+from schuler.output_file import OutputFile, is_temporary
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], None]) -> None:

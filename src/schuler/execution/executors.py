@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
-from multiprocessing import get_context
 from typing import ParamSpec, TypeVar
 
 from schuler.errors import InputError
@@ -89,6 +88,9 @@ def lent(executor: Executor, ahead: int = 64) -> Workers:
 
 @contextmanager
 def _pool(count: int) -> Iterator[Executor]:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=one_thread)
     try:
         yield pool

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.data.output_file import workspace
 from schuler.io.format import TrackColumns, lacking
 from schuler.io.trajectories.frames import local_poses, place, velocity
+from schuler.output_file import workspace
 
 if TYPE_CHECKING:
     from schuler.data import GnssRecording, ImuRecording
