@@ -178,9 +178,18 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
                 print(json.dumps([k, f"{type(error).__name__}: {error}"[:150], where]), flush=True)
             faulthandler.cancel_dump_traceback_later()
             path.unlink()
-            if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > RESIDENT:
+            if resident() > RESIDENT:
                 print(json.dumps([k, "more than 1 GB", ""]), flush=True)
                 sys.exit(ENOUGH)
+
+
+def resident() -> int:
+    """Return the most memory this process had; what rusage tells goes back to its parent."""
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return 1024 * int(re.findall(r"VmHWM:\s+(\d+) kB", status)[0])
+    except (OSError, IndexError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def chosen(files: dict[str, bytes], wanted: str) -> list[str]:
