@@ -81,8 +81,8 @@ class Run:
 PLACES = (
     Run("usual", 300.0),
     Run("near the north pole", 300.0, latitude=89.9),
-    Run("1.1 km from north pole", 300.0, latitude=89.99),
-    Run("1.1 km from south pole", 300.0, latitude=-89.99),
+    Run("2.2 km from north pole", 300.0, latitude=89.98),
+    Run("2.2 km from south pole", 300.0, latitude=-89.98),
     Run("date line", 300.0, longitude=179.9999),
     Run("-400 m", 300.0, height=-400.0),
     Run("40 km", 300.0, height=40e3),

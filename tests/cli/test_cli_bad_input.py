@@ -229,6 +229,7 @@ def test_a_bug_is_called_a_bug(
 
 def test_outputs_appear_together_or_not_at_all(tmp_path: Path) -> None:
     from schuler.cli.outputs import Outputs
+    from schuler.errors import InputError
 
     first, second = tmp_path / "first", tmp_path / "second"
     outputs = Outputs(first, second)
@@ -238,6 +239,6 @@ def test_outputs_appear_together_or_not_at_all(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     outputs.file(second, fails)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(InputError, match="No space"):
         outputs.commit()
     assert list(tmp_path.iterdir()) == []

@@ -359,6 +359,7 @@ def test_faults_in_a_real_drive_are_seen_and_outlived(
     assert {str(f["kind"]) for f in solution.settings["findings"]} - {
         "refused",
         "lasting errors",
+        "claims",
     } == kinds
     # against the smoothed solution of the whole recording, from the fault to a minute behind it;
     # later this drive has stretches in which the generic noise is too small, fault or no fault

@@ -13,6 +13,7 @@ from twins import navigation_errors
 from schuler.arrays.geometry import tetrahedron_mounting
 from schuler.data import GnssRecording, ImuArray, Mounting
 from schuler.errors import InputError
+from schuler.navigation.aiding.options import MeasurementOptions
 from schuler.navigation.mechanizations.navigate_array import navigate_array
 from schuler.navigation.navigate import navigate
 from schuler.simulation import Profile, motorcycle, simulate_array, simulate_gnss
@@ -128,9 +129,13 @@ def test_a_single_imu_is_what_navigate_makes_of_it() -> None:
     _, array, gnss = ride()
     aligned = replace(array.in_body(), mounting=Mounting.aligned(4))
     one = navigate_array(
-        aligned, gnss, mems(0.3), mechanization="single", imu=2, lever_arm=ANTENNA, time_offset=0.0
-    )
-    other = navigate(aligned.imu(2), gnss, mems(0.3), lever_arm=ANTENNA, time_offset=0.0)
+        aligned, gnss, mems(0.3), mechanization="single", imu=2, lever_arm=ANTENNA, time_offset=0.0,
+        measurements=MeasurementOptions(correlated=None),
+    )  # fmt: skip
+    other = navigate(
+        aligned.imu(2), gnss, mems(0.3), lever_arm=ANTENNA, time_offset=0.0,
+        measurements=MeasurementOptions(correlated=None),
+    )  # fmt: skip
     a, b = one.solution.trajectory, other.trajectory
     # the rest says of the gyros' biases what their model allows, there what their scatter shows
     np.testing.assert_allclose(a.velocity, b.velocity, rtol=0.0, atol=0.02)

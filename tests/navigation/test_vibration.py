@@ -9,6 +9,7 @@ import pytest
 from twins import LEVER, perfect
 
 from schuler.data import ImuRecording
+from schuler.navigation.aiding.options import MeasurementOptions
 from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_states import no_sensor_states
@@ -87,7 +88,12 @@ def test_the_drive_decides_whether_noise_follows_vibration(changing: bool) -> No
         sd = np.where(np.floor(ideal.time / 7.0) % 2 == 0, 0.1, 0.4)
     gnss = simulate_gnss(profile, 2.0, position_sd=0.05, velocity_sd=0.02, lever_arm=LEVER, rng=rng)
     found = navigate(
-        shaken(ideal, sd, rng), gnss, lever_arm=LEVER, time_offset=0.0, tune_noise=True
+        shaken(ideal, sd, rng),
+        gnss,
+        lever_arm=LEVER,
+        time_offset=0.0,
+        tune_noise=True,
+        measurements=MeasurementOptions(correlated=None),  # as the receiver of the twin is
     ).settings
     exponent = found["vibration_exponent_accel"]
     if changing:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from schuler.cli.job import Job, Result, working
@@ -50,12 +51,16 @@ def observability(
 def _observed(
     run: Run, several: ArrayOptions, known: RunOptions, reading: DriveReading
 ) -> tuple[RunObservability, ...]:
+    from schuler.navigation.aiding.options import PLAIN
     from schuler.navigation.mechanizations.array_preparation import prepare_array
     from schuler.navigation.observability_run import observe, observe_array
     from schuler.navigation.preparation.prepare import prepare
     from schuler.navigation.settings import NavigationSettings
 
     keywords = known.keywords() | {"aiding": ()}
+    # slow errors of GNSS are hidden by what they are: what is asked is what hides of the sensors
+    white = replace(keywords.get("measurements", PLAIN), correlated=None)
+    keywords |= {"measurements": white}
     model = load_noise(run.noise)
     if run.imu is None:
         array, fixes = load_array_drive(several, run.gnss, reading)

@@ -225,6 +225,8 @@ class _Start:
         """With the antenna where the drive puts it, if it is asked or contradicts what was told."""
         settings, setup = self.settings, prepared.setup
         asked, told = settings.estimates_arm, setup.lever_arm
+        if not asked and np.any(told):
+            return prepared  # who told an arm has measured it; innovations say if it is wrong
         found = find_lever_arm(
             prepared.imu,
             self.gnss,
