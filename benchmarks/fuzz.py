@@ -2,9 +2,11 @@
 
     python -m benchmarks.fuzz --cases 1000000 [--format npz] [--seed 1] [--processes 2]
 
-Case k of a seed is the same in every run. Cases run in child processes with limits; a find
-is a foreign exception, an end of the process, more than 10 s, or more than 1 GB. Finds of a
-few kB go to tests/io/finds, which the tests read again.
+Case k of a seed is the same in every run. Cases run one after the other in a child process with
+limits, which is replaced when it ends or has grown; a find is a foreign exception, an end of the
+process, more than 10 s, or more than 1 GB. Where the reader tries a file in a process of its own
+first (MATLAB), the child is that process: an end there is what the reader refuses, and is counted
+beside the finds. Finds of a few kB go to tests/io/finds, which the tests read again.
 """
 
 from __future__ import annotations
@@ -18,13 +20,16 @@ import os
 import random
 import re
 import resource
+import struct
 import subprocess
 import sys
+import time
 import traceback
 import warnings
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -39,6 +44,7 @@ NASTY = (
 WORDS = [0, 1, 127, 128, 255, 256, 32767, 65535, *(2**k + d for k in (31, 32, 63) for d in (-1, 0))]
 Find = tuple[int, str, str]
 """Case, what happened, and where."""
+TRIED = "ended where it was tried first"
 TOKEN = re.compile(rb"[-+.\w]+")
 
 
@@ -158,13 +164,18 @@ def case(
 def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
     """Run cases in this process; the number of the one that runs stands in a file."""
     from benchmarks.fuzz_seeds import seeds
+    from schuler.io.formats import matlab
 
     files = seeds()
     names = chosen(files, wanted)
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     with TemporaryDirectory() as folder, place.open("r+b") as stream:
-        at = mmap.mmap(stream.fileno(), 8)
+        at = mmap.mmap(stream.fileno(), 9)
+        matlab.rehearse = partial(rehearse_here, at)  # type: ignore[assignment]
+        started = time.monotonic()
         for k in range(first, last):
+            if k > first and k % 10_000 == 0:
+                print(f"case {k}, {time.monotonic() - started:.0f} s", flush=True)
             at[:8] = k.to_bytes(8, "little")
             path, rng = case(names[k % len(names)], seed, k, files, Path(folder))
             faulthandler.dump_traceback_later(SECONDS, exit=True)
@@ -183,6 +194,21 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
                 sys.exit(ENOUGH)
 
 
+def rehearse_here(at: mmap.mmap, path: Path, title: str, module: str, name: str) -> None:
+    """Try a file as `schuler.io.formats.rehearsal` does, without a process for each case."""
+    from schuler.io.format import damaged
+
+    at[8] = 1
+    try:
+        getattr(import_module(module), name)(path)
+    except MemoryError as error:
+        raise damaged(path, title, error) from None
+    except Exception:
+        return  # what the reader itself will meet
+    finally:
+        at[8] = 0
+
+
 def resident() -> int:
     """Return the most memory this process had; what rusage tells goes back to its parent."""
     try:
@@ -199,11 +225,11 @@ def chosen(files: dict[str, bytes], wanted: str) -> list[str]:
 
 def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
     """Run cases in child processes, a new one after each that ended, and return the finds."""
-    finds = []
+    finds: list[Find] = []
     with TemporaryDirectory() as folder:
         place = Path(folder) / "case"
         while first < last:
-            place.write_bytes(bytes(8))
+            place.write_bytes(bytes(9))
             what = (wanted, str(seed), str(first), str(last), str(place))
             command = [sys.executable, "-m", "benchmarks.fuzz", "--work", *what]
             quiet = {"POLARS_MAX_THREADS": "1", "RUST_BACKTRACE": "0"}
@@ -214,20 +240,25 @@ def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
                 for line in done.stdout or ():
                     if line.startswith("["):
                         finds.append(tuple(json.loads(line)))
-                        print(f"find: {line}", end="", file=sys.stderr, flush=True)
+                    print(line, end="", file=sys.stderr, flush=True)
             if done.returncode == 0:
                 break
-            told = trouble.read_text(errors="replace").strip()
-            at = int.from_bytes(place.read_bytes(), "little")
+            at, tried = struct.unpack("<Q?", place.read_bytes())
             if done.returncode != ENOUGH:
-                hang = "Timeout" in told
-                if not hang and done.returncode > 0:
-                    raise RuntimeError(told)  # the worker itself cannot run
-                end = "more than 10 s" if hang else f"the process ended with {done.returncode}"
-                finds.append((at, end, told[-300:]))
-                print(f"find: {finds[-1]}", file=sys.stderr, flush=True)
+                told = trouble.read_text(errors="replace").strip()
+                finds.append(_ended(at, tried, done.returncode, told))
+                print(finds[-1], file=sys.stderr, flush=True)
             first = at + 1
     return finds
+
+
+def _ended(at: int, tried: bool, code: int, told: str) -> Find:
+    """Tell how a child ended."""
+    if "Timeout" in told:
+        return at, f"more than {SECONDS:g} s", told[-300:]
+    if code > 0:
+        raise RuntimeError(told)  # the worker itself cannot run
+    return at, TRIED if tried else f"the process ended with {code}", told[-300:]
 
 
 def main() -> int:
@@ -253,7 +284,8 @@ def main() -> int:
              for k in range(options.processes + 1)]  # fmt: skip
     with ThreadPoolExecutor(options.processes) as pool:
         parts = pool.map(partial(campaign, options.format, options.seed), edges[:-1], edges[1:])
-        found = [find for part in parts for find in part]
+        every = [find for part in parts for find in part]
+    found = [find for find in every if find[1] != TRIED]
     places: dict[tuple[str, str], list[Find]] = {}
     for find in found:
         places.setdefault((find[1].partition(":")[0], find[2]), []).append(find)
@@ -266,7 +298,8 @@ def main() -> int:
             path, _ = case(name, options.seed, k, files, options.keep)
             path.rename(options.keep / f"{options.seed}-{k}-{name}")
     print(
-        f"{options.cases} cases of {len(names)} files: {len(found)} finds at {len(places)} places"
+        f"{options.cases} cases of {len(names)} files: {len(found)} finds at {len(places)} places; "
+        f"{len(every) - len(found)} {TRIED}"
     )
     return 1 if found else 0
 

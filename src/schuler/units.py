@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from schuler.errors import UnitError
@@ -177,6 +178,7 @@ def scale(unit: str, kind: str) -> float:
     return factor
 
 
+@lru_cache(1024)  # a name of a column is asked about in every way it could be meant
 def measures(unit: str, kind: str) -> bool:
     """Tell whether a unit is known and measures that kind of quantity."""
     try:

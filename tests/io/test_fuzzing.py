@@ -12,7 +12,8 @@ FINDS = sorted((Path(__file__).parent / "finds").glob("*"))
 
 def test_a_few_damaged_files_of_every_format():
     """Seed and cases are those of the long form, so that a find can be run again alone."""
-    assert fuzz.campaign("", 20, 0, 300) == []
+    finds = fuzz.campaign("", 20, 0, 300)
+    assert [find for find in finds if find[1] != fuzz.TRIED] == []
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from schuler import units
 from schuler.errors import InputError
@@ -163,6 +164,7 @@ class Column:
     unit: str
 
 
+@lru_cache(1024)
 def split_unit(name: str) -> tuple[str, str]:
     """Split the name of a column into the bare name and the unit."""
     match = _NUMBERED.match(name)
@@ -181,6 +183,7 @@ def split_unit(name: str) -> tuple[str, str]:
     return name, ""
 
 
+@lru_cache(1024)
 def bare(name: str) -> str:
     """Return a name in lower case, letters and digits only."""
     return re.sub(r"[^a-z0-9]", "", name.lower())
