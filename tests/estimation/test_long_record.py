@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,12 +10,29 @@ import numpy as np
 import polars
 import pytest
 
-from schuler import ImuRecording, NoiseModel, RandomWalk, WhiteNoise, characterize_imu
+from schuler import (
+    ImuRecording,
+    NoiseModel,
+    RandomWalk,
+    WhiteNoise,
+    characterize_imu,
+    fit_gmwm,
+    power_spectral_density,
+    wavelet_variance,
+)
 from schuler.cli.app import run
 from schuler.errors import EstimationError, InputError
-from schuler.estimation.long_record import NOT_LOOKED_AT, characterize_pieces
+from schuler.estimation.gmwm.fit import fit_gmwm_curves
+from schuler.estimation.long_record import (
+    NOT_LOOKED_AT,
+    RecordSums,
+    characterize_pieces,
+    characterize_sums,
+    collect_sums,
+)
 from schuler.io import read_imu
 from schuler.io.pieces import read_imu_pieces
+from schuler.io.trajectories.mcap import write_recording
 from schuler.simulation import simulate_static
 
 MODEL = NoiseModel.isotropic(WhiteNoise(5e-5) + RandomWalk(3e-6), WhiteNoise(7e-4))
@@ -41,6 +59,131 @@ def test_pieces_of_a_file_are_the_file(still: ImuRecording, tmp_path: Path) -> N
     assert np.array_equal(np.concatenate([p.time for p in pieces]), whole.time)
 
 
+def _table(imu: ImuRecording) -> dict[str, np.ndarray]:  # type: ignore[type-arg]
+    signal = {f"gyro_{a}_rad_s": imu.gyro[:, k] for k, a in enumerate("xyz")}
+    return {"time_s": imu.time} | signal
+
+
+def _write_form(form: str, imu: ImuRecording, folder: Path) -> tuple[Path, dict[str, object]]:
+    """Write a recording in one of the forms that are read in pieces; how it is to be read."""
+    columns, path = _table(imu), folder / f"imu.{form.rpartition('/')[0] or form}"
+    how: dict[str, object] = {}
+    if form == "csv":
+        polars.DataFrame(columns).write_csv(path)
+    elif form == "csv/no time":
+        polars.DataFrame(columns).drop("time_s").write_csv(path)
+        how = {"rate": 50.0}
+    elif form == "npz":
+        np.savez_compressed(path, **columns)
+    elif form == "npz/vector":
+        np.savez(path, rate=50.0, gyro=imu.gyro, accel=imu.accel)
+    elif form == "npy":
+        np.save(path, np.column_stack([*columns.values()]))
+        how = {"columns": tuple(columns)}
+    elif form == "npy/fields":
+        rows = np.empty(imu.size, [(name, "f8") for name in columns])
+        for name, values in columns.items():
+            rows[name] = values
+        np.save(path, rows)
+    elif form == "mcap":
+        write_recording(path, imu)
+    return path, how
+
+
+@pytest.mark.parametrize(
+    "form", ["csv", "csv/no time", "npz", "npz/vector", "npy", "npy/fields", "mcap"]
+)
+def test_every_form_is_read_in_pieces_as_in_memory(
+    form: str, still: ImuRecording, tmp_path: Path
+) -> None:
+    path, how = _write_form(form, still.between(0.0, 100.0), tmp_path)
+    pieces = list(read_imu_pieces(path, rows=1700, **how))
+    whole = read_imu(path, **how)
+    assert len(pieces) in (3, 4)
+    assert max(p.size for p in pieces) < 1800
+    for name in ("time", "gyro", "accel"):
+        parts = np.concatenate([getattr(p, name) for p in pieces])
+        assert np.array_equal(parts, getattr(whole, name), equal_nan=True)
+
+
+def test_a_dataset_in_partitions_is_one_recording(still: ImuRecording, tmp_path: Path) -> None:
+    for day, start in (("2026-01-01", 0.0), ("2026-01-02", 40.0)):
+        folder = tmp_path / f"day={day}"
+        folder.mkdir()
+        write(still.between(start, start + 20.0), folder / "part-0.parquet")
+        write(still.between(start + 20.0, start + 40.0), folder / "part-1.parquet")
+    pieces = list(read_imu_pieces(tmp_path))
+    assert [round(p.time[0]) for p in pieces] == [0, 20, 40, 60]
+
+
+def test_a_fault_deep_in_a_text_is_told_with_its_line(still: ImuRecording, tmp_path: Path) -> None:
+    path, _ = _write_form("csv", still.between(0.0, 100.0), tmp_path)
+    lines = path.read_text().splitlines()
+    lines[3500] = lines[3500].replace(",", ",oops", 1)
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match=r"line 3501, column 'gyro_x_rad_s'"):
+        list(read_imu_pieces(path, rows=1000))
+
+
+def test_one_pass_gives_every_curve_as_in_memory(still: ImuRecording) -> None:
+    parts = [still.between(500.0 * k, 500.0 * (k + 1)) for k in range(4)]
+    sums = collect_sums(parts, segment=4096)
+    column = sums.channels.index("gyro_y")
+    signal = still.gyro[:, 1]
+    wavelet, memory = sums.allan.wavelet_variance(column), wavelet_variance(signal, still.rate)
+    assert wavelet.scale == pytest.approx(memory.scale, rel=1e-9)
+    assert wavelet.variance == pytest.approx(memory.variance, rel=1e-9)
+    assert wavelet.upper == pytest.approx(memory.upper, rel=1e-3)
+    found, other = fit_gmwm_curves([wavelet], "W+K"), fit_gmwm(signal, still.rate, "W+K")
+    for name, value in other.parameters.items():
+        assert found.parameters[name] == pytest.approx(value, rel=1e-4)
+    spectrum = sums.spectrum.curve(column, onesided=False)
+    whole = power_spectral_density(signal, still.rate, onesided=False, segment=4096)
+    assert spectrum.density == pytest.approx(whole.density, rel=1e-9)
+    assert spectrum.upper == pytest.approx(whole.upper, rel=1e-9)
+
+
+def test_sums_of_parts_are_kept_and_added(
+    still: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for k in range(4):
+        part = still.between(500.0 * k, 500.0 * (k + 1))
+        path = tmp_path / f"{k}.parquet"
+        write(part, path)
+        out = str(tmp_path / f"{k}.sums.npz")
+        assert run(["characterize", str(path), "--sums-out", out]) == 0
+    days = [RecordSums.load(tmp_path / f"{k}.sums.npz") for k in range(4)]
+    week = characterize_sums(days[0] + days[1] + days[2] + days[3])
+    whole = characterize_pieces([still])
+    for channel, found in whole.channels.items():
+        other = week.channels[channel]
+        for name, value in found.parameters.items():
+            # what is lost are the clusters across midnight
+            assert abs(other.parameters[name] - value) < 0.5 * found.standard_errors[name]
+    capsys.readouterr()
+    (tmp_path / "0.parquet").unlink()
+    assert run(["characterize", str(tmp_path), "--json", str(tmp_path / "week.json")]) == 0
+    density = json.loads((tmp_path / "week.json").read_text())["channels"]["gyro_x"]
+    assert density["parameters"]["white_noise.density"]["value"] == pytest.approx(
+        week.channels["gyro_x"].parameters["white_noise.density"]
+    )
+    (tmp_path / "0.sums.npz").write_bytes(b"PK nothing of it")
+    with pytest.raises(InputError, match="no sums"):
+        RecordSums.load(tmp_path / "0.sums.npz")
+
+
+def test_a_stuck_axis_is_left_out_and_told(still: ImuRecording) -> None:
+    parts = [still.between(400.0 * k, 400.0 * (k + 1)) for k in range(5)]
+    gyro = parts[1].gyro.copy()
+    gyro[:, 2] = gyro[0, 2]
+    parts[1] = replace(parts[1], gyro=gyro)
+    found = characterize_pieces(parts)
+    assert any("1 of 5 pieces were left out" in text for text in found.findings)
+    assert any("in 1 of 5 pieces: " in t and "gyro_z" in t for t in found.findings)
+    with pytest.raises(EstimationError, match="gyro_z"):
+        characterize_pieces(parts[1:2])
+
+
 def test_noise_in_pieces_is_the_noise_in_memory(still: ImuRecording) -> None:
     parts = [still.between(500.0 * k, 500.0 * (k + 1)) for k in range(4)]
     pieces, memory = characterize_pieces(parts), characterize_imu(still)
@@ -59,7 +202,7 @@ def test_a_piece_that_moves_is_left_out(still: ImuRecording) -> None:
     swing = np.sin(np.arange(parts[2].size) / 20.0)[:, np.newaxis]
     parts[2] = replace(parts[2], gyro=parts[2].gyro + swing, accel=parts[2].accel + 3.0 * swing)
     found = characterize_pieces(parts)
-    assert any("1 pieces were left out" in text for text in found.findings)
+    assert any("1 of 5 pieces were left out" in text for text in found.findings)
     density = found.channels["gyro_y"].parameters["white_noise.density"]
     assert density == pytest.approx(5e-5, rel=0.02)
     with pytest.raises(EstimationError, match="moved in all"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -150,8 +151,31 @@ def power_spectral_density(
     low, high = float(values.min()), float(values.max())
     scale, constant = max(high - shift, shift - low), low == high
     density = _welch(values, shift, np.inf if constant else scale, length, rate)
+    flags = ("constant",) if constant else _trend(values, shift, scale)
+    cut = _Cut(length, 1 + (values.size - length) // (length - length // 2), values.size, rate)
+    density *= 1.0 if constant else scale**2
+    return spectrum_of(density, cut, onesided, bins_per_octave, flags)
+
+
+class _Cut(NamedTuple):
+    """How a record was cut into half-overlapping segments."""
+
+    length: int
+    segments: int
+    samples: int
+    rate: float
+
+
+def spectrum_of(
+    density: FloatArray,
+    cut: tuple[int, int, int, float],
+    onesided: bool,
+    bins_per_octave: int | None = 8,
+    flags: tuple[str, ...] = (),
+) -> SpectrumCurve:
+    """Average Welch's one-sided density over octaves; cut: length, segments, samples, rate."""
+    length, segments, samples, rate = cut
     raw = np.arange(density.size) * (rate / length)
-    segments = 1 + (values.size - length) // (length - length // 2)
     if bins_per_octave is None:
         first, count = np.arange(raw.size), np.ones(raw.size, dtype=np.int64)
     else:
@@ -164,7 +188,6 @@ def power_spectral_density(
     averaged = np.add.reduceat(density * weight, first) / count
     if onesided and bins_per_octave is not None:
         averaged *= 2.0
-    averaged *= 1.0 if constant else scale**2
     freedom = group_degrees_of_freedom(count, segments)
     down, up = chi_square_bounds(freedom)
     return SpectrumCurve(
@@ -177,33 +200,49 @@ def power_spectral_density(
         count=count,
         onesided=onesided,
         rate=rate,
-        samples=values.size,
+        samples=samples,
         segment=length,
         segments=segments,
-        flags=("constant",) if constant else _trend(values, shift, scale),
+        flags=flags,
     )
 
 
 def _welch(values: FloatArray, shift: float, scale: float, length: int, rate: float) -> FloatArray:
     """One-sided density of (values - shift) / scale: `scipy.signal.welch`, a segment in memory."""
-    from scipy.fft import rfft
-    from scipy.signal.windows import hann
-
-    window = hann(length, sym=False)
+    window = segment_window(length)
     power = np.zeros(length // 2 + 1)
     starts = range(0, values.size - length + 1, length - length // 2)
     for start in starts:
-        piece = (values[start : start + length] - shift) / scale
-        piece -= piece.mean()
-        piece *= window
-        transform = rfft(piece, overwrite_x=True)
-        power += transform.real**2
-        power += transform.imag**2
-    power *= 2.0 / (rate * float(window @ window) * len(starts))
-    power[0] *= 0.5
+        add_segment(power, (values[start : start + length] - shift) / scale, window)
+    return one_sided(power, len(starts), rate, length)
+
+
+def segment_window(length: int) -> FloatArray:
+    """Return the Hann window of Welch's segments."""
+    from scipy.signal.windows import hann
+
+    return np.asarray(hann(length, sym=False))
+
+
+def add_segment(power: FloatArray, segment: FloatArray, window: FloatArray) -> None:
+    """Add the squared transform of a segment, which is overwritten, to those before."""
+    from scipy.fft import rfft
+
+    segment -= segment.mean()
+    segment *= window
+    transform = rfft(segment, overwrite_x=True)
+    power += transform.real**2
+    power += transform.imag**2
+
+
+def one_sided(power: FloatArray, segments: int, rate: float, length: int) -> FloatArray:
+    """Return the one-sided density of the squared transforms of so many segments."""
+    window = segment_window(length)
+    density = power * (2.0 / (rate * float(window @ window) * segments))
+    density[0] *= 0.5
     if length % 2 == 0:
-        power[-1] *= 0.5
-    return power
+        density[-1] *= 0.5
+    return np.asarray(density)
 
 
 def _segment(wanted: int | None, samples: int) -> int:

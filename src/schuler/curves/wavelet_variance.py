@@ -182,7 +182,7 @@ def wavelet_variance(
     n = values.size
     factors = 2 ** np.arange(int(math.log2(n // _LONGEST_FRACTION)) + 1, dtype=np.int64)
     if not robust:
-        return _curve(_plain(values, factors), factors, n, float(rate))
+        return wavelet_curve(_plain(values, factors), factors, n, float(rate))
     tuning = biweight_tuning(float(efficiency))
     kind: RobustKind
     if robust is True or robust == "samples":
@@ -194,11 +194,11 @@ def wavelet_variance(
         raise InputError(f"robust is '{robust}'", expected="True, 'samples' or 'coefficients'")
     if kind == "coefficients":
         variance = _of_coefficients(values, factors, tuning)
-        return _curve(variance, factors, n, float(rate), "coefficients", tuning.efficiency)
+        return wavelet_curve(variance, factors, n, float(rate), "coefficients", tuning.efficiency)
     variance = _plain(cleaned.values, factors) - cleaned.excess / (2.0 * factors)
     # a scale at which the noise that was added outweighs everything else says nothing
     keep = variance > 0.0
-    return _curve(
+    return wavelet_curve(
         variance[keep],
         factors[keep],
         n,
@@ -356,7 +356,7 @@ def _drawn_to_level(values: FloatArray, tuning: BiweightTuning) -> _Drawn:
     )
 
 
-def _curve(
+def wavelet_curve(
     variance: FloatArray,
     factors: NDArray[np.int64],
     samples: int,
@@ -365,6 +365,7 @@ def _curve(
     efficiency: float = 1.0,
     **core: float,
 ) -> WaveletVarianceCurve:
+    """Return the curve of variances of a record of so many samples, with their intervals."""
     scale = factors / rate
     slope = local_slope(scale, variance)
     freedom = power_law_degrees_of_freedom(slope, factors, samples)

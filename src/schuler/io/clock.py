@@ -187,14 +187,17 @@ def even_axis(source: Source, rows: int, rate: float | None, notes: Notes) -> Fl
         found, name = _rate_beside(source.path)
         text = f"{RATE_FROM_README} {name}: {found:g} Hz; time from row / rate"
         notes.assumed(text)
+    first: int | None = getattr(source, "first_row", None)
     counter = counter_column(source.names)
     if counter is not None and not source.is_text(counter):
         numbers = _counted(source, counter, rows, notes)
         if numbers is not None:
+            # parts count on from each other
+            numbers = numbers if first is not None else numbers - numbers[0]
             notes.did(text.replace("from row /", f"from '{counter}' /"))
             return numbers / found
     notes.did(text)
-    return np.arange(rows) / found
+    return (np.arange(rows) + (first or 0)) / found
 
 
 def _counted(source: Source, name: str, rows: int, notes: Notes) -> FloatArray | None:
@@ -210,7 +213,7 @@ def _counted(source: Source, name: str, rows: int, notes: Notes) -> FloatArray |
     lost = int(values[-1] - values[0]) + 1 - rows
     if lost:
         notes.assumed(f"'{name}' shows that {lost} samples are missing: their time is left empty")
-    return np.asarray(values - values[0])
+    return np.asarray(values)
 
 
 def _rate_beside(path: Path) -> tuple[float, str]:

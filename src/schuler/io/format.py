@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -111,6 +111,10 @@ class Format:
         From a `Start` to whether the file is of this format, where no magic tells.
     open : callable, optional
         From path, what is wanted, and `ReadOptions` to a `Source` of named columns.
+    parts : callable, optional
+        From path, what is wanted, `ReadOptions` and a number of rows to one `Source` after the
+        other, each of about so many rows that follow those before, never the whole in memory. By
+        `first_row` each says where in the file it begins.
     write_trajectory : callable, optional
         From path and named columns (those of `schuler navigate --out`) to the written file.
     write_recording : callable, optional
@@ -131,6 +135,7 @@ class Format:
     magic: tuple[bytes, ...] = ()
     detect: Callable[[Start], bool] | None = None
     open: Callable[[Path, What, ReadOptions], Source] | None = None
+    parts: Callable[[Path, What, ReadOptions, int], Iterator[Source]] | None = None
     write_trajectory: Callable[[Path, TrackColumns], None] | None = None
     write_recording: Callable[[Path, ImuRecording | GnssRecording], None] | None = None
     beside: Callable[[TrackColumns], str] | None = None

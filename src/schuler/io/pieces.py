@@ -1,10 +1,8 @@
-"""Recordings larger than memory, piece by piece: Parquet, or files that follow each other."""
+"""Recordings larger than memory, piece by piece: parts of a file, or files in a row."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +10,7 @@ from schuler.data import ImuRecording
 from schuler.errors import InputError
 from schuler.io.imu import imu_recordings
 from schuler.io.options import ReadOptions
-from schuler.io.registry import format_of, open_with, suffixes
-from schuler.io.tables.parquet import ParquetSource
+from schuler.io.registry import format_of, is_recording, open_with, parts_with, suffixes
 from schuler.io.tables.parquet_file import parquet_rows
 
 PIECE = 1 << 19
@@ -28,8 +25,10 @@ def read_imu_pieces(
     Parameters
     ----------
     path : str, Path or sequence
-        A Parquet file, read so many rows at a time; or files (or a folder of files, by name) that
-        follow each other in time, of any format, each read as a whole.
+        A file; or files that follow each other in time; or a folder of them (a dataset in
+        partitions, such as ``day=2026-01-01/part-0.parquet``), in the order of their names.
+        Parquet, CSV and other text, NPY, NPZ and bags are read so many rows at a time, other
+        files as a whole.
     rows : int
         Rows of a piece.
     **how
@@ -61,12 +60,14 @@ def read_imu_pieces(
     options = ReadOptions(**how)
     end = float("-inf")
     for file in _files(path):
-        for piece in _pieces(file, rows, options):
+        for part in parts_with(format_of(file), file, "imu", options, rows):
+            piece = imu_recordings(part, options, only_first=True)[0]
             if piece.time[0] <= end:
                 raise InputError(
                     f"the piece from {piece.time[0]:.3f} s begins before the one before it ends "
                     f"({end:.3f} s)",
-                    expected="files and rows in the order of time",
+                    expected="files and rows in the order of time, and a clock that does not start "
+                    "again (seconds of the day do)",
                     where=str(file),
                 )
             end = float(piece.time[-1])
@@ -76,34 +77,31 @@ def read_imu_pieces(
 def size_of_table(path: Path) -> int:
     """Return the bytes that a recording would take in memory where that is known, else 0."""
     if path.is_dir():
-        return sum(size_of_table(p) for p in path.iterdir() if p.is_file())
-    if path.suffix.lower() != ".parquet" or not path.is_file():
+        return 0 if is_recording(path) else sum(map(size_of_table, _in_folder(path)))
+    if not path.is_file():
         return 0
+    if path.suffix.lower() != ".parquet":
+        return path.stat().st_size
     source = open_with(format_of(path), path, "imu", ReadOptions())
     return parquet_rows(path) * 8 * len(source.names)
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    known = suffixes()
+    inside = sorted(folder.rglob("*"))
+    return [
+        p for p in inside
+        if p.is_file() and p.suffix.lower() in known and not p.name.startswith((".", "_"))
+    ]  # fmt: skip
 
 
 def _files(path: str | Path | Sequence[str | Path]) -> list[Path]:
     if not isinstance(path, (str, Path)):
         files = [Path(p) for p in path]
-    elif Path(path).is_dir():
-        known = suffixes()
-        files = sorted(p for p in Path(path).iterdir() if p.suffix.lower() in known)
+    elif Path(path).is_dir() and not is_recording(Path(path)):
+        files = _in_folder(Path(path))
     else:
         files = [Path(path)]
     if not files:
         raise InputError("there are no recordings", expected="at least one", where=str(path))
     return files
-
-
-def _pieces(file: Path, rows: int, options: ReadOptions) -> Iterator[ImuRecording]:
-    source = open_with(format_of(file), file, "imu", options)
-    if not isinstance(source, ParquetSource):
-        yield imu_recordings(source, options, only_first=True)[0]
-        return
-    total = parquet_rows(file)
-    count = max(1, -(-total // rows))
-    edges = [total * k // count for k in range(count + 1)]
-    for start, stop in pairwise(edges):
-        part = replace(source, part=(start, stop - start))
-        yield imu_recordings(part, options, only_first=True)[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -63,7 +64,7 @@ _READERS = (
     _Reader(_READ + "ulog", rb"\AULog\x01\x12\x35"),
     _Reader(_READ + "matlab", rb"\AMATLAB [57]\."),
     _Reader(_TABLES + "parquet", rb"\APAR1"),
-    _Reader(_TABLES + "npz", rb"\APK\x03\x04"),
+    _Reader(_TABLES + "npz", rb"\A(?:PK\x03\x04|\x93NUMPY)"),
     _Reader(_READ + "dataflash", rb"\A\xa3\x95\x80|FMT, "),
     _Reader(_READ + "ubx", rb"\xb5b"),
     _Reader(_READ + "novatel", rb"[#%](?:BEST|INS|RAWIMU|CORRIMU)|\xaa\x44[\x12\x13]"),
@@ -196,6 +197,30 @@ def _refuse_false_name(path: Path) -> None:
 
 def open_with(one: Format, path: Path, what: What, options: Any) -> Source:
     """Open a file with its format; what comes back must be a `Source`."""
+    _require_held(one, path, what)
+    assert one.open is not None
+    with _reading(one, path):
+        source = one.open(path, what, options)
+    return _checked_source(one, path, source)
+
+
+def parts_with(one: Format, path: Path, what: What, options: Any, rows: int) -> Iterator[Source]:
+    """Yield a file in parts of about so many rows; as a whole where its format has no parts."""
+    if one.parts is None:
+        yield open_with(one, path, what, options)
+        return
+    _require_held(one, path, what)
+    with _reading(one, path):
+        parts = iter(one.parts(path, what, options, rows))
+    while True:
+        with _reading(one, path):
+            part = next(parts, None)
+        if part is None:
+            return
+        yield _checked_source(one, path, part)
+
+
+def _require_held(one: Format, path: Path, what: What) -> None:
     if what not in one.holds:
         held = " and ".join({"imu": "an IMU", "gnss": "GNSS"}.get(h, f"a {h}") for h in one.holds)
         wanted = {"imu": "an IMU recording", "gnss": "a GNSS recording"}.get(what, "a sensor")
@@ -204,9 +229,13 @@ def open_with(one: Format, path: Path, what: What, options: Any) -> Source:
             expected=wanted,
             where=str(path),
         )
-    assert one.open is not None
+
+
+@contextmanager
+def _reading(one: Format, path: Path) -> Iterator[None]:
+    """Turn what a reader stumbles over into an error that names file and format."""
     try:
-        source = one.open(path, what, options)
+        yield
     except InputError:
         raise
     except Exception as error:
@@ -216,6 +245,9 @@ def open_with(one: Format, path: Path, what: What, options: Any) -> Source:
         if isinstance(error, (MemoryError, OSError)):
             raise
         raise damaged(path, one.title, error) from error
+
+
+def _checked_source(one: Format, path: Path, source: Source) -> Source:
     lacks = [m for m in ("path", "names", "units", "rate", "history", "assumptions", "is_text",
                          "load", "place") if not hasattr(source, m)]  # fmt: skip
     if lacks:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -106,6 +107,8 @@ class MemorySource:
         What one row is called in messages.
     assumptions : tuple of str
         What the reader took for granted.
+    first_row : int or None
+        Of a part of a file: which row of it comes first.
     """
 
     path: Path
@@ -115,6 +118,7 @@ class MemorySource:
     history: tuple[str, ...] = ()
     row_word: str = "row"
     assumptions: tuple[str, ...] = ()
+    first_row: int | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -135,7 +139,14 @@ class MemorySource:
     def place(self, row: int, name: str = "") -> str:
         """Return file, row (counted from 0) and column."""
         column = f", column '{name}'" if name else ""
-        return f"{self.path}, {self.row_word} {row}{column}"
+        return f"{self.path}, {self.row_word} {row + (self.first_row or 0)}{column}"
+
+
+def even_parts(total: int, most: int | None) -> list[tuple[int, int]]:
+    """Cut so many rows into parts about equally long, none longer than `most`; (first, stop)."""
+    count = 1 if most is None else max(1, -(-total // most))
+    edges = [total * k // count for k in range(count + 1)]
+    return list(pairwise(edges))
 
 
 class Notes:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import reduce
+from operator import add
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from cyclopts import Parameter
 
 from schuler.cli.job import Job, Result, working
 from schuler.cli.loading import load_imu
@@ -22,12 +26,32 @@ if TYPE_CHECKING:
     from schuler.screening.screen import Screening
 
 MOST_FINDINGS = 8
+SUMS = ".sums.npz"
 SHORTEST = 5.0
 _HANDLED = 5.0
 """Seconds beyond which a disturbance is no knock but motion."""
 """Seconds below which nothing is said about motion."""
 NARROW = 110
 """Columns below which errors are written in brackets."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Piecewise:
+    """Records larger than memory.
+
+    Parameters
+    ----------
+    memory : float, optional
+        Megabytes for the recording; a larger one (a file, or a folder of files that follow each
+        other) is read in pieces, once. A third of this machine's if not given.
+    sums_out : Path, optional
+        Read in pieces and keep the sums here, such as monday.sums.npz: `schuler characterize` of
+        a folder of such files is that of the whole week.
+    """
+
+    memory: float | None = None
+    sums_out: Path | None = None
 
 
 def characterize(
@@ -41,7 +65,7 @@ def characterize(
     method: tuple[str, ...] = (),
     model: str = "auto",
     rest: bool = False,
-    memory: float | None = None,
+    pieces: Piecewise = Piecewise(),
     calibration: Path | None = None,
     reading: ImuReading = ImuReading(),
 ) -> int:
@@ -56,7 +80,8 @@ def characterize(
     Parameters
     ----------
     file : Path
-        Static log: CSV, text, Parquet, NPZ, ROS 1 or ROS 2 bag, or a folder with imu.* in it.
+        Static log: CSV, text, Parquet, NPZ, ROS 1 or ROS 2 bag, or a folder with imu.* in it, or
+        what --sums-out wrote (or a folder of that).
     repair : bool
         Repair what the screening finds (knocks, outliers, repeated rows) before fitting.
     strict : bool
@@ -71,26 +96,24 @@ def characterize(
         K random walk, R ramp.
     rest : bool
         Use only the longest rest of a log in which the sensor was moved.
-    memory : float, optional
-        Megabytes for the recording; a larger one (Parquet, or a folder of files that follow each
-        other) is read in pieces, once. A third of this machine's if not given.
     calibration : Path, optional
         Calibration of the IMU as YAML, from `schuler calibrate`.
     """
     from schuler.cli.methods import chosen_methods, methods_result
     from schuler.estimation.parts import checked_model
 
-    job = Job(written, files.noise_out, files.kalibr, inputs=(file, calibration))
+    outputs = (files.noise_out, files.kalibr, pieces.sums_out)
+    job = Job(written, *outputs, inputs=(file, calibration))
     methods = chosen_methods(method, needs_model=files.wanted)
     model = str(checked_model(model))
-    if too_large(file, memory):
+    if kept_sums(file) or pieces.sums_out is not None or too_large(file, pieces.memory):
         if methods or rest or repair or calibration is not None:
             raise InputError(
-                f"{file.name} is larger than memory, and is read in pieces",
+                f"{file.name} is read in pieces",
                 expected="the usual method, without --method, --rest, --repair or --calibration",
                 cure="--memory MEGABYTES allows more, or take a part of it",
             )
-        return job.finish(_in_pieces(file, files, model, reading))
+        return job.finish(_in_pieces(file, files, model, reading, pieces.sums_out))
     recording = load_imu(file, reading.options(repair=repair), calibration=calibration)
     with working("Screening"):
         recording, screening = screened(recording, repair=repair, rest=rest)
@@ -144,8 +167,17 @@ def too_large(file: Path, memory: float | None) -> bool:
     return size > 0 and 3.0 * size > most  # columns, recording and work beside it
 
 
-def _in_pieces(file: Path, files: ModelFiles, model: str, reading: ImuReading) -> Result:
-    from schuler.estimation.long_record import characterize_pieces
+def kept_sums(file: Path) -> list[Path]:
+    """Return the files of sums that are meant."""
+    if file.is_dir():
+        return sorted(file.glob(f"*{SUMS}"))
+    return [file] if file.name.endswith(SUMS) else []
+
+
+def _in_pieces(
+    file: Path, files: ModelFiles, model: str, reading: ImuReading, out: Path | None
+) -> Result:
+    from schuler.estimation.long_record import RecordSums, characterize_sums, collect_sums
     from schuler.estimation.record import spell_duration
     from schuler.io.pieces import read_imu_pieces
 
@@ -156,7 +188,12 @@ def _in_pieces(file: Path, files: ModelFiles, model: str, reading: ImuReading) -
                 shown.say(f"{spell_duration(float(piece.time[-1]))} read")
                 yield piece
 
-        found = characterize_pieces(told(), model, title_of(file))
+        kept = kept_sums(file)
+        sums = reduce(add, (RecordSums.load(k) for k in kept)) if kept else collect_sums(told())
+        if out is not None:
+            sums.save(out)
+        shown.say("fitting")
+        found = characterize_sums(sums, model, title_of(file))
     texts, refused = files.texts(found.noise_model, found.rate)
     return Result(
         title=f"Noise of {title_of(file)}",

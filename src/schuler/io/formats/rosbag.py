@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +15,7 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What, lacking
-from schuler.io.source import MemorySource
+from schuler.io.source import MemorySource, even_parts
 from schuler.io.trajectories.mcap import write_recording, write_trajectory
 
 if TYPE_CHECKING:
@@ -24,6 +26,13 @@ _IMU = ("angular_velocity", "linear_acceleration")
 
 def open_bag(path: Path, what: What, options: ReadOptions) -> MemorySource:
     """Read one topic of a bag."""
+    return next(bag_parts(path, what, options, None))
+
+
+def bag_parts(
+    path: Path, what: What, options: ReadOptions, rows: int | None
+) -> Iterator[MemorySource]:
+    """Yield one topic of a bag, so many messages at a time; None: all at once."""
     topic, clock = options.topic, options.clock
     if clock not in ("header", "bag"):
         raise InputError(f"clock is '{clock}'", expected="'header' or 'bag'")
@@ -37,8 +46,11 @@ def open_bag(path: Path, what: What, options: ReadOptions) -> MemorySource:
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             connections = _choose(path, reader, kind, topic)
-            table = _table(reader, connections, row)
-            chosen = connections[0].topic
+            messages = _messages(reader, connections, row)
+            for first, stop in even_parts(sum(c.msgcount for c in connections), rows):
+                table = np.array(list(islice(messages, stop - first)))
+                source = _source(path, table, what, connections[0].topic, clock)
+                yield source if rows is None else replace(source, first_row=first)
     except InputError:
         raise
     except Exception as error:  # rosbags, sqlite and struct raise many kinds for damaged bags
@@ -49,7 +61,6 @@ def open_bag(path: Path, what: What, options: ReadOptions) -> MemorySource:
             cure="copy it again, or reindex it",
             where=str(path),
         ) from None
-    return _source(path, table, what, chosen, clock)
 
 
 def _choose(path: Path, reader: Any, kind: str, topic: str | None) -> list[Any]:
@@ -81,13 +92,14 @@ def _choose(path: Path, reader: Any, kind: str, topic: str | None) -> list[Any]:
     return fitting
 
 
-def _table(reader: Any, connections: list[Any], row: Callable[[Any], tuple[float, ...]]) -> Any:
-    rows = []
+def _messages(
+    reader: Any, connections: list[Any], row: Callable[[Any], tuple[float, ...]]
+) -> Iterator[tuple[float, ...]]:
+    """Yield stamp of the header, stamp of the bag, and values of every message."""
     for connection, stamp, raw in reader.messages(connections=connections):
         message = reader.deserialize(raw, connection.msgtype)
         header = message.header.stamp
-        rows.append((header.sec + header.nanosec * 1e-9, stamp * 1e-9, *row(message)))
-    return np.array(rows, dtype=np.float64)
+        yield header.sec + header.nanosec * 1e-9, stamp * 1e-9, *row(message)
 
 
 def _imu_row(message: Any) -> tuple[float, ...]:
@@ -145,6 +157,7 @@ FORMATS = (
         magic=(b"#ROSBAG V", b"SQLite format 3\x00", b"\x89MCAP0\r\n"),
         detect=_is_bag,
         open=open_bag,
+        parts=bag_parts,
         write_trajectory=write_trajectory,
         write_recording=write_recording,
         extra="ros",

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from schuler.errors import InputError
 from schuler.io.columns import bare
 from schuler.io.format import Format, What
-from schuler.io.source import Columns
+from schuler.io.source import Columns, even_parts
 from schuler.io.tables.numbers import RATE_NAMES, positive_rate, seconds_of_nanoseconds
-from schuler.io.tables.parquet_file import parquet_frame, parquet_schema
+from schuler.io.tables.parquet_file import parquet_frame, parquet_rows, parquet_schema
 from schuler.io.trajectories.table import recording_parquet, write_parquet
 
 if TYPE_CHECKING:
@@ -45,6 +45,11 @@ class ParquetSource:
     history: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
     part: tuple[int, int] | None = None
+
+    @property
+    def first_row(self) -> int | None:
+        """Row of the file with which a part begins."""
+        return None if self.part is None else self.part[0]
 
     def is_text(self, name: str) -> bool:
         """Tell whether a column holds text."""
@@ -79,7 +84,7 @@ class ParquetSource:
     def place(self, row: int, name: str = "") -> str:
         """Return file, row (counted from 0) and column."""
         column = f", column '{name}'" if name else ""
-        return f"{self.path}, row {row}{column}"
+        return f"{self.path}, row {row + (self.first_row or 0)}{column}"
 
 
 def open_parquet(path: Path, what: What, options: ReadOptions) -> ParquetSource:
@@ -99,6 +104,15 @@ def open_parquet(path: Path, what: What, options: ReadOptions) -> ParquetSource:
     return ParquetSource(path, tuple(schema), kinds, positive_rate(rates[0]) if rates else None)
 
 
+def parquet_parts(
+    path: Path, what: What, options: ReadOptions, rows: int
+) -> Iterator[ParquetSource]:
+    """Yield a Parquet file in parts of one size."""
+    source = open_parquet(path, what, options)
+    for start, stop in even_parts(parquet_rows(path), rows):
+        yield replace(source, part=(start, stop - start))
+
+
 FORMATS = (
     Format(
         "parquet",
@@ -107,6 +121,7 @@ FORMATS = (
         ("imu", "gnss", "sensor"),
         magic=(b"PAR1",),
         open=open_parquet,
+        parts=parquet_parts,
         write_trajectory=write_parquet,
         write_recording=recording_parquet,
     ),

@@ -15,7 +15,7 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.format import Format, Start, What
-from schuler.io.source import Columns, TextOptions
+from schuler.io.source import Columns, TextOptions, even_parts
 from schuler.io.tables.content import Content, content_of
 from schuler.io.tables.fields import (
     MISSING,
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from schuler.io.options import ReadOptions
 
 
+_LINES_WEIGHED = 200
+
+
 @dataclass(frozen=True, eq=False)
 class TextSource:
     """A text file whose layout is known.
@@ -50,6 +53,10 @@ class TextSource:
         What the reader took for granted.
     end : int or None
         Length in bytes to be read, when a last line that was cut off is left out.
+    first_row : int or None
+        Of a part of a file: which row of it comes first.
+    lines_before : int
+        Lines of the file in front of a part.
     """
 
     content: Content
@@ -57,6 +64,8 @@ class TextSource:
     history: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
     end: int | None = None
+    first_row: int | None = None
+    lines_before: int = 0
 
     @property
     def path(self) -> Path:
@@ -262,7 +271,7 @@ class TextSource:
                 continue
             if self.layout.comment and line.startswith(self.layout.comment):
                 continue
-            yield number + 1, line
+            yield number + 1 + self.lines_before, line
 
     def _fault(self, names: Sequence[str]) -> InputError:
         """Find the line and the column that cannot be read."""
@@ -337,6 +346,39 @@ def open_text(path: Path, options: TextOptions) -> TextSource:
     return replace(source, history=(*content.notes, said), assumptions=(said,), end=end)
 
 
+def text_parts(path: Path, what: What, options: ReadOptions, rows: int) -> Iterator[TextSource]:
+    """Yield a text file in parts that end at ends of lines."""
+    whole = open_table(path, what, options)
+    layout, data, left = whole.layout, whole.content.data, whole.end
+    head = whole.content.head()[0].split(b"\n")[layout.first_line :][:_LINES_WEIGHED]
+    size = rows * (1 + sum(map(len, head)) // max(len(head), 1))
+    row = lines = 0
+    total = path.stat().st_size if data is None else len(data)
+    size = max(stop - start for start, stop in even_parts(total, size))
+    with path.open("rb") if data is None else io.BytesIO(data) as stream:
+        while piece := stream.read(size if left is None else min(size, left)):
+            if left is None or len(piece) < left:
+                piece += stream.readline()
+            left = None if left is None else max(left - len(piece), 0)
+            count = _rows_in(piece, layout)
+            if count > 0:
+                content = Content(path, piece, whole.content.notes)
+                yield replace(
+                    whole, content=content, layout=layout, end=None, first_row=row,
+                    lines_before=lines,
+                )  # fmt: skip
+            row, lines = row + count, lines + piece.count(b"\n")
+            layout = replace(layout, first_line=0)
+
+
+def _rows_in(piece: bytes, layout: Layout) -> int:
+    """Count the lines of numbers: all but the header, blank ones and comments."""
+    ends = piece.count(b"\n") + (not piece.endswith(b"\n"))
+    blank = piece.count(b"\n\n") + piece.count(b"\n\r\n")
+    remarks = piece.count(b"\n" + layout.comment.encode()) if layout.comment else 0
+    return ends - layout.first_line - blank - remarks
+
+
 def _cut_off(content: Content, layout: Layout) -> str:
     """Say why the last line looks cut off; empty when it does not."""
     tail = content.tail()
@@ -393,7 +435,7 @@ def _is_text(start: Start) -> bool:
     return b"\0" not in data or bool(start.lines)
 
 
-_BINARY = {".parquet", ".npz", ".bag", ".db3", ".mcap"}
+_BINARY = {".parquet", ".npz", ".npy", ".bag", ".db3", ".mcap"}
 
 FORMATS = (
     Format(
@@ -403,6 +445,7 @@ FORMATS = (
         ("imu", "gnss", "sensor"),
         detect=_is_text,
         open=open_table,
+        parts=text_parts,
         write_trajectory=write_csv,
         write_recording=recording_csv,
     ),

@@ -1,0 +1,106 @@
+"""Noise of records larger than memory: one pass over pieces, then the usual fits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from schuler.data.imu import ImuRecording
+from schuler.estimation.characterization import ImuCharacterization, findings_of, model_of
+from schuler.estimation.identification import Identification
+from schuler.estimation.joint_fit import identify_curve
+from schuler.estimation.long_record.sums import RecordSums, collect_sums
+from schuler.noise import Process
+
+NOT_LOOKED_AT = (
+    "the record was read in pieces: lines of vibration, light outliers and temperature were not "
+    "taken off (a part that fits into memory tells whether they matter)"
+)
+
+
+def characterize_pieces(
+    pieces: Iterable[ImuRecording], model: str | Process = "auto", name: str = ""
+) -> ImuCharacterization:
+    """Identify the noise of a record that comes in pieces, in memory that does not grow.
+
+    Parameters
+    ----------
+    pieces : iterable of ImuRecording
+        In the order of time, as `read_imu_pieces` returns them.
+    model : str or Process
+        As for `identify`.
+    name : str
+        Of the record.
+
+    Returns
+    -------
+    ImuCharacterization
+        As that of `characterize_imu` by the Allan deviation; the findings say what was left out.
+
+    Raises
+    ------
+    InputError
+        Pieces of different rates or channels.
+    EstimationError
+        No piece that can be used, or a channel that does not vary.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, simulate_static
+    >>> from schuler.estimation.long_record import characterize_pieces
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> imu = simulate_static(model, 600.0, 100.0, np.random.default_rng(1))
+    >>> halves = [imu.between(0.0, 300.0), imu.between(300.0, 600.0)]
+    >>> found = characterize_pieces(halves)
+    >>> round(found.channels["gyro_x"].parameters["white_noise.density"] / 5e-5, 2)
+    1.0
+    """
+    return characterize_sums(collect_sums(pieces), model, name)
+
+
+def characterize_sums(
+    sums: RecordSums, model: str | Process = "auto", name: str = ""
+) -> ImuCharacterization:
+    """Identify the noise behind the sums of a record, or of several that were added.
+
+    Parameters
+    ----------
+    sums : RecordSums
+        As `collect_sums` returns them.
+    model : str or Process
+        As for `identify`.
+    name : str
+        Of the record.
+
+    Returns
+    -------
+    ImuCharacterization
+        As that of `characterize_imu` by the Allan deviation; the findings say what was left out.
+
+    Raises
+    ------
+    EstimationError
+        A channel that does not vary.
+    """
+    curve, first = sums.allan.curve(), sums.sample
+    channels: dict[str, Identification] = {
+        c: identify_curve(curve.column(j), model) for j, c in enumerate(sums.channels)
+    }
+    said = [NOT_LOOKED_AT]
+    if sums.left_out:
+        said.append(
+            f"{sums.left_out} of {sums.pieces} pieces were left out, in which the sensor moved or "
+            "an axis was stuck"
+        )
+    if sums.knocks:
+        said.append(f"{sums.knocks} knocks were cut out")
+    said += [f"in {n} of {sums.pieces} pieces: {text}" for n, text in sums.seen.values()]
+    name, duration = name or first.name, curve.duration
+    return ImuCharacterization(
+        recording_name=name,
+        channels=channels,
+        noise_model=model_of(channels, sums.allan.rate, name, duration),
+        findings=(*said, *findings_of(first, channels, duration)),
+        rate=sums.allan.rate,
+        duration=duration,
+    )
