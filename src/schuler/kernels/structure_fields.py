@@ -23,22 +23,25 @@ class ArrayField:
 
     def fault(self, value: object) -> tuple[str, str] | None:
         """What was found and what should be, if the value does not fit."""
-        wanted = f"a C-contiguous array ({self._lengths()}) of {self.dtype}"
+        # text is made only for what does not fit: structures are made by the thousand
         if not isinstance(value, np.ndarray):
-            return type(value).__name__, wanted
-        if value.dtype != self.dtype or value.ndim != len(self.shape):
-            return f"an array {value.shape} of {value.dtype}", wanted
-        for found, expected in zip(value.shape, self.shape, strict=True):
-            if expected is not None and found != expected:
-                return f"an array {value.shape} of {value.dtype}", wanted
-        if not value.flags.c_contiguous:
-            return f"an array {value.shape} with strides {value.strides}", wanted
-        if not (self.seen or value.flags.writeable):
-            return "a read-only array", f"{wanted} that can be written to"
+            return type(value).__name__, self._wanted()
+        fits = value.dtype == self.dtype and value.ndim == len(self.shape)
+        if fits:
+            for found, expected in zip(value.shape, self.shape, strict=True):
+                fits = fits and (expected is None or found == expected)
+        if not fits:
+            return f"an array {value.shape} of {value.dtype}", self._wanted()
+        flags = value.flags
+        if not flags.c_contiguous:
+            return f"an array {value.shape} with strides {value.strides}", self._wanted()
+        if not (self.seen or flags.writeable):
+            return "a read-only array", f"{self._wanted()} that can be written to"
         return None
 
-    def _lengths(self) -> str:
-        return ", ".join("any" if n is None else str(n) for n in self.shape)
+    def _wanted(self) -> str:
+        lengths = ", ".join("any" if n is None else str(n) for n in self.shape)
+        return f"a C-contiguous array ({lengths}) of {self.dtype}"
 
     def pack(self, value: NDArray[Any]) -> tuple[int, ...]:
         """What stands in the table."""

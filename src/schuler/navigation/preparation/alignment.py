@@ -92,8 +92,12 @@ def align(
     heading: float | None = None,
     mounting: FloatArray | None = None,
     lever_arm: FloatArray | None = None,
+    hopeless: float = np.inf,
 ) -> Alignment:
-    """Find the attitude at the first sample."""
+    """Find the attitude at the first sample.
+
+    A start in which every heading leaves a misfit above `hopeless` is given up at once.
+    """
     rest = find_initial_rest(imu, gnss)
     if heading is not None:
         if rest is None:
@@ -118,14 +122,14 @@ def align(
     if gnss.velocity is None:
         gnss = _with_velocity_from_position(gnss)
     arm = np.zeros(3) if lever_arm is None else lever_arm
-    found = align_where_it_moves(imu, gnss, rest, velocity_offset, arm)
+    found = align_where_it_moves(imu, gnss, rest, velocity_offset, arm, hopeless)
     if found is not None:
         return found
     if rest is None:
-        return _align_in_motion(imu, gnss, velocity_offset, mounting, arm)
+        return _align_in_motion(imu, gnss, velocity_offset, mounting, arm, hopeless)
     level, bias, bias_sd = _at_rest(imu, gnss, rest)
     yaw, heading_sd, method = _heading_from_motion(
-        imu, gnss, rest, level, bias, velocity_offset, mounting, arm
+        imu, gnss, (rest, level, bias), velocity_offset, mounting, arm, hopeless
     )
     return Alignment(
         rotation=dcm_from_euler(0.0, 0.0, yaw) @ level,
@@ -145,6 +149,7 @@ def align_where_it_moves(
     rest: tuple[float, float] | None,
     offset: float,
     lever_arm: FloatArray,
+    hopeless: float,
 ) -> Alignment | None:
     """Attitude where the vehicle really begins to move, carried back to the first sample.
 
@@ -158,7 +163,7 @@ def align_where_it_moves(
         return None
     later = imu.between(float(moving[0]) - BEFORE_MOTION, np.inf)
     try:
-        start = start_in_motion(later, gnss, offset, lever_arm)
+        start = start_in_motion(later, gnss, offset, lever_arm, hopeless)
     except NavigationError:
         return None
     if start.heading_sd > WORST_HEADING:
@@ -214,14 +219,14 @@ def _at_rest(
 def _heading_from_motion(
     imu: ImuRecording,
     gnss: GnssRecording,
-    rest: tuple[float, float],
-    level: FloatArray,
-    bias: FloatArray,
+    levelled: tuple[tuple[float, float], FloatArray, FloatArray],
     offset: float,
     mounting: FloatArray | None,
     lever_arm: FloatArray,
+    hopeless: float,
 ) -> tuple[float, float, str]:
-    """Angle about the vertical that takes the levelled frame to north."""
+    """Angle about the vertical that takes the frame, levelled at rest, to north."""
+    rest, level, bias = levelled
     assert gnss.velocity is not None
     moving = np.flatnonzero((gnss.time + offset > rest[1]) & moves(gnss))
     if not moving.size:
@@ -238,7 +243,7 @@ def _heading_from_motion(
     near = int(np.argmin(np.abs(gnss.time + offset - first)))
     extra = velocity_doubt(gnss, lever_arm)
     start = _rest_starts(level, gnss.position[near])
-    found, stretch = settle_heading(after, gnss, start, lever_arm, offset, extra)
+    found, stretch = settle_heading(after, gnss, start, lever_arm, offset, extra, hopeless)
     if found.sd < WORST_HEADING:
         text = f"heading by hypotheses over {stretch.duration:.0f} s"
         return found.mean, max(found.sd, LEAST_HEADING_SD), text
@@ -309,9 +314,10 @@ def _align_in_motion(
     offset: float,
     mounting: FloatArray | None,
     lever_arm: FloatArray,
+    hopeless: float,
 ) -> Alignment:
     """Attitude by hypotheses; where they do not tell, the course, if the mounting is known."""
-    start = start_in_motion(imu, gnss, offset, lever_arm)
+    start = start_in_motion(imu, gnss, offset, lever_arm, hopeless)
     rotation, heading_sd = start.rotation, start.heading_sd
     method = f"in motion, heading by hypotheses over {start.seconds:.0f} s"
     if heading_sd > WORST_HEADING:

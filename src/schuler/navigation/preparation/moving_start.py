@@ -98,7 +98,11 @@ class MovingStart:
 
 
 def start_in_motion(
-    imu: ImuRecording, gnss: GnssRecording, offset: float, lever_arm: FloatArray
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    offset: float,
+    lever_arm: FloatArray,
+    hopeless: float = np.inf,
 ) -> MovingStart:
     """Find attitude and biases at the first sample."""
     assert gnss.velocity is not None
@@ -120,7 +124,7 @@ def start_in_motion(
     first = int(np.argmax(ahead))
     start = _starts(level, bias, gnss, first, window, time[inside])
     extra = velocity_doubt(gnss, lever_arm)
-    found, part = settle_heading(imu, gnss, start, lever_arm, offset, extra)
+    found, part = settle_heading(imu, gnss, start, lever_arm, offset, extra, hopeless)
     rotation, bias, bias_sd = _looking_back(part, gnss, start, found, lever_arm, offset, extra)
     return MovingStart(
         rotation=rotation,
@@ -140,8 +144,12 @@ def settle_heading(
     lever_arm: FloatArray,
     offset: float,
     velocity_sd: FloatArray,
+    hopeless: float = np.inf,
 ) -> tuple[HeadingPosterior, ImuRecording]:
-    """Judge headings over longer and longer stretches until one is known well enough."""
+    """Judge headings over longer and longer stretches until one is known well enough.
+
+    Raises NavigationError where even the best one leaves a `hopeless` misfit.
+    """
     found: HeadingPosterior | None = None
     part = imu
     for stretch in _stretches(imu, gnss, offset):
@@ -158,6 +166,8 @@ def settle_heading(
             velocity_offset=offset,
             velocity_sd=velocity_sd,
         )
+        if found.misfit > hopeless:
+            raise NavigationError(f"no heading explains the first {part.duration:.0f} s")
         if found.sd < ENOUGH:
             break
     assert found is not None

@@ -164,7 +164,9 @@ class _Start:
     condition: DriveCondition
     felt: float | None = None
 
-    def align_one(self, imu: ImuRecording, velocity_offset: float, first: bool) -> Alignment:
+    def align_one(
+        self, imu: ImuRecording, velocity_offset: float, first: bool, hopeless: float = np.inf
+    ) -> Alignment:
         return align(
             imu,
             self.gnss,
@@ -172,6 +174,7 @@ class _Start:
             heading=self.settings.heading if first else None,
             mounting=self.settings.mounting,
             lever_arm=self.settings.arm,
+            hopeless=hopeless,
         )
 
     def aligned(self, offset: float) -> tuple[ImuRecording, Alignment, DriveCondition]:
@@ -304,7 +307,7 @@ def _require_fit(
     imu: ImuRecording,
     gnss: GnssRecording,
     setup: RunSetup,
-    align_one: Callable[[ImuRecording, float, bool], Alignment],
+    align_one: Callable[[ImuRecording, float, bool, float], Alignment],
 ) -> DriveCondition:
     """Stop when the IMU cannot have felt what GNSS saw and a slip explains it; say it if none."""
     if gnss.velocity is None:
@@ -332,7 +335,9 @@ def _require_fit(
         return setup.condition
     first = part.between(float(part.time[0]), setup.condition.first_break)
     here = tried(first, setup.alignment, ())
-    slip = find_slip(first, here, lambda other: tried(other, align_one(other, offset, True), ()))
+    slip = find_slip(
+        first, here, lambda other: tried(other, align_one(other, offset, True, BAD), ())
+    )
     if slip is not None:
         raise NavigationError(
             f"the IMU did not feel what GNSS saw; it would have if {slip.name}",
