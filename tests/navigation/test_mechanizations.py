@@ -231,7 +231,7 @@ def test_system_level_is_the_mean_of_single_imus() -> None:
 def test_what_solutions_share_is_what_their_errors_share() -> None:
     """Covariances between two filters against errors over draws, before and in an outage."""
     fixes, products, claimed = np.array([55.0, 69.0]), [], []
-    for seed in range(40):
+    for seed in range(24):
         twin = draw_array(ride(), orthogonal_mounting(2), [mems(), mems(2.0)], 500 + seed)
         gnss = withhold(twin.gnss, [OUTAGE])
         runs, models, starts, errors = [], [], [], []

@@ -29,13 +29,21 @@ class InnovationSequence:
         cls, run: FilterRun, time: FloatArray | None = None, judges: BoolArray | None = None
     ) -> InnovationSequence:
         """Gather what a run left behind, of some of its measurements."""
-        pairs = run.aiding.scalar if judges is None else run.aiding.scalar[judges]
+        found = cls.of_scalars(run.aiding.scalar if judges is None else run.aiding.scalar[judges])
+        if time is None:
+            return found
+        used = run.aiding.scalar[..., 1] > 0.0
+        stamps = np.repeat(time[:, None], 3, axis=1)
+        if judges is not None:
+            used, stamps = used[judges], stamps[judges]
+        return replace(found, time=stamps[used])
+
+    @classmethod
+    def of_scalars(cls, pairs: FloatArray) -> InnovationSequence:
+        """Gather innovations and variances (u, 3, 2); a variance of zero was not used."""
         scalar = pairs.reshape(-1, 2)
         used = scalar[:, 1] > 0.0
-        stamps = np.empty(0)
-        if time is not None:
-            stamps = np.repeat(time if judges is None else time[judges], 3)[used]
-        return cls(scalar[used, 0], scalar[used, 1], stamps)
+        return cls(scalar[used, 0], scalar[used, 1])
 
     def select(self, kept: BoolArray) -> InnovationSequence:
         """Keep some."""

@@ -162,23 +162,11 @@ class FilterStepper:
         accumulating: bool = False,
     ) -> None:
         from schuler.kernels.navigation.filter import run_filter
-        from schuler.kernels.navigation.strapdown import rotation_from_quaternion
-        from schuler.kernels.navigation.transition import reset_transition
-        from schuler.rotations import quaternion_from_dcm
 
         self._kernel: Callable[[Filter, int, int, int, bool], int] = run_filter
         self.model = model.layout()
-        state = FilterState.empty(model.size, self.model.drift.shape[1], accumulating)
-        state.position[:], state.velocity[:] = initial.position, initial.velocity
-        state.quaternion[:] = quaternion_from_dcm(initial.rotation)
-        rotation_from_quaternion(state.quaternion, state.rotation)
-        # a vehicle's rate is that of the first sample, no step has a transition yet
-        state.rate_share[0], state.rate_noise[0], state.discretised[0] = 1.0, 1.0, -1.0
-        state.time[0] = -np.inf
-        state.sensor[:], state.covariance[:] = initial.sensor_state, initial.covariance
-        if accumulating:
-            reset_transition(state.node_top, state.node_sensor, self.model.block)
-        self.state = state
+        self.state = FilterState.empty(model.size, self.model.drift.shape[1], accumulating)
+        self.restart(initial)
         self.rules = Rules(
             gate=np.array(gate, dtype=np.float64),
             robustness=np.zeros(9) if robustness is None else np.array(robustness),
@@ -190,6 +178,24 @@ class FilterStepper:
             longest_step=LONGEST_STEP,
             node_interval=node_interval,
         )
+
+    def restart(self, initial: InitialState) -> None:
+        """Forget what was filtered and begin here, in the same arrays."""
+        from schuler.kernels.navigation.strapdown import rotation_from_quaternion
+        from schuler.kernels.navigation.transition import reset_transition
+        from schuler.rotations import quaternion_from_dcm
+
+        state = self.state
+        state.memory[:], state.counters[:] = 0.0, 0
+        state.position[:], state.velocity[:] = initial.position, initial.velocity
+        state.quaternion[:] = quaternion_from_dcm(initial.rotation)
+        rotation_from_quaternion(state.quaternion, state.rotation)
+        # a vehicle's rate is that of the first sample, no step has a transition yet
+        state.rate_share[0], state.rate_noise[0], state.discretised[0] = 1.0, 1.0, -1.0
+        state.time[0] = -np.inf
+        state.sensor[:], state.covariance[:] = initial.sensor_state, initial.covariance
+        if state.node_top.size:
+            reset_transition(state.node_top, state.node_sensor, self.model.block)
 
     @property
     def size(self) -> int:

@@ -21,9 +21,10 @@ import numpy as np
 from schuler.data import GnssRecording, ImuRecording
 from schuler.navigation.aiding.gnss import GnssVelocity
 from schuler.navigation.aiding.schedule import AidingSchedule, merge_schedules
-from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigation.engine import InitialState
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu, thin
+from schuler.navigation.innovation_likelihood import slower_imu, thin
+from schuler.navigation.repeated_runs import RepeatedRuns
 from schuler.types import FloatArray
 
 COARSE = 24
@@ -76,23 +77,14 @@ def judge_headings(
 ) -> HeadingPosterior:
     """Filter a stretch from every heading and return what the likelihoods say."""
     slow, schedule = decimated_inputs(imu, gnss, lever_arm, velocity_offset, velocity_sd)
+    runs = RepeatedRuns(slow, model, schedule)
     tried: dict[float, float] = {}
     misfits: dict[float, float] = {}
 
     def judge(heading: float) -> None:
         if heading in tried:
             return
-        done = run_engine(
-            slow,
-            start(heading),
-            model,
-            schedule,
-            gate=gate_thresholds(0.0),
-            keep_samples=False,
-            keep_nodes=False,
-            node_interval=1e9,
-        )
-        found = InnovationSequence.of_run(done)
+        found = runs.innovations(start(heading))
         tried[heading], misfits[heading] = found.log_likelihood, found.misfit
 
     step = 2.0 * np.pi / COARSE

@@ -23,6 +23,7 @@ from schuler.navigation.preparation.alignment import Alignment, align
 from schuler.navigation.preparation.constraint_judge import judge_constraints
 from schuler.navigation.preparation.diagnosis import (
     BAD,
+    CLEARLY,
     DOUBTFUL,
     GYROS_IN_DEGREES,
     LONGEST,
@@ -335,8 +336,10 @@ def _require_fit(
         return setup.condition
     first = part.between(float(part.time[0]), setup.condition.first_break)
     here = tried(first, setup.alignment, ())
+    # a start that leaves twice what the whole drive may leave is not worth a longer look
+    hopeless = max(1.0, 2.0 * CLEARLY * here.misfit)
     slip = find_slip(
-        first, here, lambda other: tried(other, align_one(other, offset, True, BAD), ())
+        first, here, lambda other: tried(other, align_one(other, offset, True, hopeless), ())
     )
     if slip is not None:
         raise NavigationError(
