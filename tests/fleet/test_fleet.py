@@ -5,26 +5,31 @@ from __future__ import annotations
 import json
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import polars
 import pytest
 
-from schuler import NoiseModel
+from schuler import NoiseModel, WhiteNoise
 from schuler.cli.app import run
+from schuler.cli.loading import load_noise
+from schuler.cli.options.files import OfSensor
+from schuler.data.imu_calibration import ImuCalibration
 from schuler.errors import InputError
 from schuler.execution import workers
 from schuler.fleet import (
     BatchSettings,
     FleetDatabase,
     LogEntry,
+    known_sensor,
     list_logs,
     run_batch,
-    stored_noise_model,
     summarise_fleet,
 )
 from schuler.fleet.summary import extreme_deviates, paule_mandel
+from schuler.noise.effects import Effect
 
 DENSITY = 1e-4
 
@@ -54,6 +59,15 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     frame = polars.DataFrame(rows, ("file", "sensor", "serial", "date"), orient="row")
     frame.write_csv(folder / "logs.csv")
     return folder
+
+
+def calibration_of(gyro_bias: float) -> ImuCalibration:
+    """A calibration that only takes off a bias."""
+    one, none = np.eye(3), np.zeros((3, 3))
+    return ImuCalibration(
+        "SN1", one, none, np.zeros(3), np.zeros(3), one, none, np.array([gyro_bias, 0.0, 0.0]),
+        np.zeros(3), none, none, 6, 0, 0.0, 0.0,
+    )  # fmt: skip
 
 
 def figures(database: FleetDatabase) -> list[object]:
@@ -134,12 +148,108 @@ def test_the_noise_of_a_sensor_comes_from_the_database(fleet: Path, tmp_path: Pa
     entries, _ = list_logs(fleet / "logs.csv")
     with FleetDatabase(tmp_path / "a.sqlite") as database:
         run_batch(entries[2:3], database)
-    model = stored_noise_model(tmp_path / "a.sqlite", "SN2")
+    model = known_sensor(tmp_path / "a.sqlite", "SN2").noise
     assert isinstance(model, NoiseModel)
     density = model.process("gyro_x").parameters["white_noise.density"]
     assert density == pytest.approx(3.0 * DENSITY, rel=0.05)
     with pytest.raises(InputError, match=r"SN7.*SN2"):
-        stored_noise_model(tmp_path / "a.sqlite", "SN7")
+        known_sensor(tmp_path / "a.sqlite", "SN7")
+
+
+def test_a_sensor_is_known_by_files_or_by_the_database(tmp_path: Path) -> None:
+    law = {"gyro_x": (Effect("temperature", "linear", 1e-5, 1e-6, 20.0),)}
+    for date, density in (("2026-02-01", 2e-4), ("2025-02-01", 1e-4)):
+        folder = tmp_path / "files" / "SN1" / date
+        folder.mkdir(parents=True)
+        model = NoiseModel.isotropic(WhiteNoise(density), WhiteNoise(7e-4))
+        replace(model, effects=law).save(folder / "noise.yaml")
+    calibration_of(0.02).save(tmp_path / "files" / "SN1" / "calibration.yaml")
+    known = known_sensor(tmp_path / "files", "SN1")
+    assert known.noise is not None
+    density = known.noise.process("gyro_x").parameters["white_noise.density"]
+    assert density == pytest.approx(2e-4)
+    assert known.noise.effects["gyro_x"][0].coefficient == pytest.approx(1e-5)
+    assert known.calibration is not None
+    assert known.words == (
+        "noise model of 2026-02-01", "temperature law of gyro_x", "calibration",
+    )  # fmt: skip
+    with pytest.raises(InputError, match=r"SN9.*SN1"):
+        known_sensor(tmp_path / "files", "SN9")
+    with pytest.raises(InputError, match="nothing is known"):
+        known_sensor(tmp_path / "files", "..")
+    # a log of a calibrated sensor brings its calibration into the database, and is calibrated
+    write_log(tmp_path / "a.parquet", np.random.default_rng(3))
+    entry = LogEntry(
+        tmp_path / "a.parquet", serial="SN1", date="2026-03-01",
+        calibration=tmp_path / "files" / "SN1" / "calibration.yaml",
+    )  # fmt: skip
+    with FleetDatabase(tmp_path / "a.sqlite") as database:
+        run_batch([entry], database)
+    kept = known_sensor(tmp_path / "a.sqlite", "SN1")
+    assert kept.calibration is not None
+    assert kept.calibration.gyro_bias == pytest.approx([0.02, 0.0, 0.0])
+    assert kept.words[0] == "noise model of 2026-03-01"
+
+
+def test_options_name_a_sensor_and_its_registry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "SN1").mkdir()
+    model = NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(7e-4))
+    model.save(tmp_path / "SN1" / "noise.yaml")
+    monkeypatch.delenv("SCHULER_REGISTRY", raising=False)
+    for wrong in (OfSensor("SN1"), OfSensor(None, tmp_path), OfSensor("SN2", tmp_path)):
+        with pytest.raises(InputError):
+            wrong.found()
+    monkeypatch.setenv("SCHULER_REGISTRY", str(tmp_path))
+    known = OfSensor("SN1").found()
+    assert "no calibration" in capsys.readouterr().err
+    found = load_noise(None, known)
+    assert found is not None
+    given = tmp_path / "other.yaml"
+    NoiseModel.isotropic(WhiteNoise(3e-4), WhiteNoise(7e-4)).save(given)
+    said = load_noise(given, known)
+    assert said is not None
+    assert said.process("gyro_x") != found.process("gyro_x")
+
+
+def test_a_database_of_an_older_schuler_is_upgraded(tmp_path: Path) -> None:
+    from schuler.fleet.database import UPGRADES
+
+    old = sqlite3.connect(tmp_path / "old.sqlite")
+    old.executescript(UPGRADES[0] + "PRAGMA user_version = 1;")
+    old.execute(
+        "INSERT INTO log VALUES ('k', 'f', 'X', 'SN1', '2026', NULL, 'noise', 'done', '', 1.0, "
+        "1.0, 1.0, 'model', '[]')"
+    )
+    old.commit()
+    old.close()
+    with FleetDatabase(tmp_path / "old.sqlite") as database:
+        assert database.newest("SN1", "model") == ("2026", "model")
+        assert database.newest("SN1", "calibration") is None
+
+
+def test_a_full_disk_loses_nothing(fleet: Path, tmp_path: Path) -> None:
+    entries, _ = list_logs(fleet / "logs.csv")
+    path = tmp_path / "a.sqlite"
+    with FleetDatabase(path) as database:
+        run_batch(entries[:2], database)
+        database._connection.execute("PRAGMA max_page_count = 1")  # no page more than there are
+        with pytest.raises(InputError, match=r"full.*make room"):
+            run_batch([*entries[:6], *(replace(e, serial=9999 * "n") for e in entries)], database)
+    with FleetDatabase(path) as database:
+        assert len([r for r in database.logs() if r["status"] == "done"]) >= 2
+        assert run_batch(entries, database).known >= 2
+        assert len(database.logs()) == len(entries)
+
+
+def test_one_sensor_in_two_logs_at_one_time(fleet: Path, tmp_path: Path) -> None:
+    """Both are kept: which one is wrong only the user knows, so it is said each time."""
+    rows = "file,serial,date\ns0.parquet,S,2026-01-01\ns1.parquet,S,2026-01-01\n"
+    (fleet / "twice.csv").write_text(rows)
+    entries, remarks = list_logs(fleet / "twice.csv")
+    assert len(entries) == 2
+    assert "one sensor cannot be in two logs" in remarks[0]
 
 
 def test_databases_that_cannot_be_used(tmp_path: Path) -> None:
@@ -227,3 +337,8 @@ def test_the_command_line(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFix
     assert json.loads(text.read_text())["outliers"][0]["serial"] == "SN2"
     assert "SN2" in page.read_text()
     assert run([*command, "--sweep", "30"]) == 2
+    assert run([*command, "--sensor", "SN2"]) == 1
+    told = capsys.readouterr().out
+    assert "Sensor SN2" in told
+    assert "2026-01-01" in told
+    assert run([*command, "--sensor", "SN77"]) == 2

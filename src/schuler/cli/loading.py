@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from schuler.data.array import ImuArray
     from schuler.data.gnss import GnssRecording
     from schuler.data.imu import ImuRecording
+    from schuler.fleet.registry import KnownSensor
     from schuler.noise.noise_model import NoiseModel
     from schuler.screening.screen import Screening
 
@@ -110,15 +111,15 @@ def load_array(
     return array
 
 
-def load_noise(path: Path | None) -> NoiseModel | None:
+def load_noise(path: Path | None, known: KnownSensor | None = None) -> NoiseModel | None:
     """Read a noise model, when one is given; DATABASE#SERIAL is that of a sensor of a fleet."""
     if path is None:
-        return None
+        return None if known is None else known.noise
     database, mark, serial = str(path).rpartition("#")
     if mark and not path.is_file():
-        from schuler.fleet import stored_noise_model
+        from schuler.fleet.registry import known_sensor
 
-        return stored_noise_model(Path(database), serial)
+        return known_sensor(Path(database), serial).noise
     from schuler.noise import NoiseModel
 
     return NoiseModel.load(path)
@@ -150,8 +151,10 @@ def say_when_compiling() -> None:
 _told: list[bool] = []
 
 
-def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecording, GnssRecording]:
-    """Read IMU and GNSS of a drive, repaired when asked."""
+def load_drive(
+    imu: Path, gnss: Path, reading: DriveReading, known: KnownSensor | None = None
+) -> tuple[ImuRecording, GnssRecording]:
+    """Read IMU and GNSS of a drive, calibrated as told or as is known, repaired when asked."""
     from schuler.data.imu import CHANNELS
     from schuler.navigation.aiding.gnss import require_overlap
     from schuler.screening.clocks import check_clocks
@@ -159,6 +162,8 @@ def load_drive(imu: Path, gnss: Path, reading: DriveReading) -> tuple[ImuRecordi
 
     how = reading.imu_options()
     recording = load_imu(imu, how, "imu", calibration=reading.calibration)
+    if known is not None and known.calibration is not None and reading.calibration is None:
+        recording = known.calibration.apply(recording)
     fixes = load_gnss(gnss, reading.gnss_options())
     check_clocks(recording, fixes)
     try:

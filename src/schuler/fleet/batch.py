@@ -137,8 +137,7 @@ def run_batch(
         raise InputError(f"{', '.join(twice[:3])} stands in the list twice", expected="once")
     before = {key for key in keys if database.load(key) is not None}
     tasks = [
-        Task(key, work_on, (str(e.file), str(e.gnss or ""), str(e.noise or ""), plain))
-        for key, e in keys.items()
+        Task(key, work_on, (*(str(p or "") for p in _files(e)), plain)) for key, e in keys.items()
     ]
     if executor is None:
         executor = workers(1)
@@ -166,10 +165,14 @@ def _killed(task: Task) -> dict[str, Any]:
 
 def _key(entry: LogEntry, settings: Mapping[str, Any]) -> str:
     """Name a piece of work after all it depends on: the files as they are, and the settings."""
-    files = [(str(p), *_state(p)) for p in (entry.file, entry.gnss, entry.noise) if p is not None]
+    files = [(str(p), *_state(p)) for p in _files(entry) if p is not None]
     known = [entry.sensor, entry.serial, entry.date, entry.temperature]
     text = json.dumps([files, known, settings], sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _files(entry: LogEntry) -> tuple[Path | None, ...]:
+    return entry.file, entry.gnss, entry.noise, entry.calibration
 
 
 def _state(path: Path) -> tuple[int, int]:

@@ -8,12 +8,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from schuler.errors import InputError
-
-if TYPE_CHECKING:
-    from schuler.noise import NoiseModel
 
 UPGRADES = (
     """
@@ -30,12 +27,15 @@ UPGRADES = (
     );
     CREATE INDEX log_serial ON log (serial, date);
     """,
+    """
+    ALTER TABLE log ADD COLUMN calibration TEXT NOT NULL DEFAULT '';
+    """,
 )
 """What turns version k into k + 1; the first makes an empty file a database."""
 
 _LOG = (
     "key", "file", "sensor", "serial", "date", "temperature", "kind", "status", "message",
-    "seconds", "rate", "cpu_seconds", "model", "assumptions",
+    "seconds", "rate", "cpu_seconds", "model", "assumptions", "calibration",
 )  # fmt: skip
 
 
@@ -177,73 +177,41 @@ class FleetDatabase:
 
     def logs(self) -> list[dict[str, Any]]:
         """Return every log, by serial number and date."""
-        names = [n for n in _LOG if n not in ("model", "assumptions")]
+        names = [n for n in _LOG if n not in ("model", "assumptions", "calibration")]
         with self._told():
             found = self._connection.execute(
                 f"SELECT {', '.join(names)} FROM log ORDER BY sensor, serial, date, file"
             ).fetchall()
         return [dict(zip(names, row, strict=True)) for row in found]
 
-    def measurements(self) -> list[Measurement]:
-        """Return every figure of every log that was done."""
+    def measurements(self, serial: str | None = None) -> list[Measurement]:
+        """Return every figure of every log that was done, or of those of one sensor, by date."""
         with self._told():
             found = self._connection.execute(
                 "SELECT file, sensor, serial, date, temperature, kind, axis, name, value, "
                 "standard_error, upper_limit FROM log JOIN figure USING (key) "
-                "WHERE status = 'done' ORDER BY sensor, serial, date, file"
+                "WHERE status = 'done' AND serial = coalesce(?, serial) "
+                "ORDER BY sensor, serial, date, file",
+                (serial,),
             ).fetchall()
         return [Measurement(*row) for row in found]
 
-    def latest_model(self, serial: str) -> str:
-        """Return the noise model of the newest static log of a serial number, as YAML."""
+    def newest(self, serial: str, kind: str) -> tuple[str, str] | None:
+        """Return date and text of the newest noise model ("model") or calibration of a sensor."""
+        if kind not in ("model", "calibration"):
+            raise InputError(f"nothing of kind '{kind}' is kept", expected="model or calibration")
         with self._told():
-            row = self._connection.execute(
-                "SELECT model FROM log WHERE serial = ? AND model <> '' AND status = 'done' "
-                "ORDER BY date DESC, file DESC LIMIT 1",
+            found = self._connection.execute(
+                f"SELECT date, {kind} FROM log WHERE serial = ? AND {kind} <> '' AND "
+                "status = 'done' ORDER BY date DESC, file DESC LIMIT 1",
                 (serial,),
             ).fetchone()
-            known = [
-                r[0]
-                for r in self._connection.execute(
-                    "SELECT DISTINCT serial FROM log WHERE model <> '' ORDER BY serial LIMIT 8"
-                )
-            ]
-        if row is None:
-            raise InputError(
-                f"nothing is known of the noise of '{serial}'",
-                expected=f"one of {', '.join(known)}" if known else "a log of it lying still",
-                where=str(self.path),
-            )
-        return str(row[0])
+        return None if found is None else (str(found[0]), str(found[1]))
 
-
-def stored_noise_model(database: Path, serial: str) -> NoiseModel:
-    """Return the noise model that was last measured of a sensor.
-
-    Parameters
-    ----------
-    database : Path
-        What `schuler batch` wrote.
-    serial : str
-        Serial number.
-
-    Returns
-    -------
-    NoiseModel
-        Of its newest static log.
-
-    Raises
-    ------
-    InputError
-        No such database, or nothing known of this sensor.
-    """
-    import tempfile
-
-    from schuler.noise import NoiseModel
-
-    with FleetDatabase(database, create=False) as fleet:
-        text = fleet.latest_model(serial)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "noise.yaml")
-        file.write_text(text, encoding="utf-8")
-        return NoiseModel.load(file)
+    def serials(self) -> list[str]:
+        """Return the sensors of which something is known."""
+        with self._told():
+            rows = self._connection.execute(
+                "SELECT DISTINCT serial FROM log WHERE status = 'done' ORDER BY serial"
+            ).fetchall()
+        return [str(row[0]) for row in rows]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from schuler.errors import InputError
 
-_COLUMNS = ("file", "sensor", "serial", "date", "temperature", "gnss", "noise")
+_COLUMNS = ("file", "sensor", "serial", "date", "temperature", "gnss", "noise", "calibration")
 _ENDINGS = frozenset(
     {".csv", ".txt", ".parquet", ".npz", ".bag", ".mcap", ".db3", ".ulg", ".bin", ".ubx", ".mat"}
     | {".log", ".dat", ".asc", ".json", ".jsonl", ".tsv"}
@@ -37,6 +37,8 @@ class LogEntry:
         Fixes of the same drive: then it is a drive, else a static log.
     noise : Path or None
         Noise model that the drive uses.
+    calibration : Path or None
+        Of the sensor, as YAML: the log is calibrated, and the database keeps it for the sensor.
     """
 
     file: Path
@@ -46,6 +48,7 @@ class LogEntry:
     temperature: float | None = None
     gnss: Path | None = None
     noise: Path | None = None
+    calibration: Path | None = None
 
     @property
     def unit(self) -> str:
@@ -60,8 +63,8 @@ def list_logs(where: Path) -> tuple[tuple[LogEntry, ...], tuple[str, ...]]:
     ----------
     where : Path
         A folder, searched with all folders in it, or a CSV or Parquet table with a column `file`
-        and, where known, `sensor`, `serial`, `date`, `temperature` (degrees Celsius), `gnss` and
-        `noise`; files relative to the table.
+        and, where known, `sensor`, `serial`, `date`, `temperature` (degrees Celsius), `gnss`,
+        `noise` and `calibration`; files relative to the table.
 
     Returns
     -------
@@ -188,4 +191,5 @@ def _entry(table: Path, number: int, row: Mapping[str, str]) -> LogEntry:
         temperature,
         path("gnss"),
         path("noise"),
+        path("calibration"),
     )

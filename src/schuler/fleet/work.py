@@ -10,18 +10,24 @@ from schuler.errors import SchulerError
 Outcome = dict[str, Any]
 
 
-def work_on(file: str, gnss: str, noise: str, settings: dict[str, Any]) -> Outcome:
+def work_on(
+    file: str, gnss: str, noise: str, calibration: str, settings: dict[str, Any]
+) -> Outcome:
     """Measure a static log, or judge a drive; a log that cannot be used says why.
 
     Parameters
     ----------
-    file, gnss, noise : str
+    file, gnss, noise, calibration : str
         Paths; empty where there is none.
     settings : dict
         Those of `BatchSettings`.
     """
     try:
-        return _drive(file, gnss, noise, settings) if gnss else _noise(file, settings)
+        given = Path(calibration) if calibration else None
+        found = (
+            _drive(file, gnss, noise, given, settings) if gnss else _noise(file, given, settings)
+        )
+        return found | {"calibration": given.read_text(encoding="utf-8") if given else ""}
     except SchulerError as error:
         return {"status": "failed", "message": str(error)}
     except MemoryError:
@@ -30,12 +36,12 @@ def work_on(file: str, gnss: str, noise: str, settings: dict[str, Any]) -> Outco
         return {"status": "failed", "message": f"{file}: {type(error).__name__}: {error} (a bug)"}
 
 
-def _noise(file: str, settings: dict[str, Any]) -> Outcome:
+def _noise(file: str, calibration: Path | None, settings: dict[str, Any]) -> Outcome:
     from schuler.estimation.characterization import characterize_imu
     from schuler.io.read import read_imu
     from schuler.screening.screen import repair_until_clean, screen
 
-    imu = read_imu(Path(file), repair=settings["repair"])
+    imu = read_imu(Path(file), calibration=calibration, repair=settings["repair"])
     screening = screen(imu)
     screening.require_usable()
     if settings["repair"]:
@@ -59,12 +65,14 @@ def _noise(file: str, settings: dict[str, Any]) -> Outcome:
     }
 
 
-def _drive(file: str, gnss: str, noise: str, settings: dict[str, Any]) -> Outcome:
+def _drive(
+    file: str, gnss: str, noise: str, calibration: Path | None, settings: dict[str, Any]
+) -> Outcome:
     from schuler.evaluation.outages import evaluate_outages
     from schuler.io.read import read_gnss, read_imu
     from schuler.noise import NoiseModel
 
-    imu = read_imu(Path(file), repair=settings["repair"])
+    imu = read_imu(Path(file), calibration=calibration, repair=settings["repair"])
     fixes = read_gnss(
         Path(gnss), position_sd=settings["position_sd"], velocity_sd=settings["velocity_sd"]
     )

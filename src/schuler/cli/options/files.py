@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from schuler.cli.options.error_models import OneModel
-from schuler.errors import SchulerError
+from schuler.errors import InputError, SchulerError
 
 if TYPE_CHECKING:
+    from schuler.fleet.registry import KnownSensor
     from schuler.noise import NoiseModel
 
 Texts = tuple[tuple[Path | None, Callable[[], str]], ...]
@@ -87,6 +89,46 @@ class ModelFiles:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
+class OfSensor:
+    """The sensor that recorded a run, and where it is known.
+
+    Parameters
+    ----------
+    sensor : str, optional
+        Serial number of the IMU: its newest noise model, with its temperature law, and its
+        calibration are taken from --registry, unless they are given.
+    registry : Path, optional
+        Database of `schuler batch`, or a folder with a folder for each serial number that holds
+        noise.yaml and calibration.yaml, or folders by date that do; $SCHULER_REGISTRY if not
+        given.
+    """
+
+    sensor: str | None = None
+    registry: Path | None = None
+
+    def found(self) -> KnownSensor | None:
+        """Look the sensor up, and say what is known of it."""
+        from schuler.cli.console import say
+        from schuler.fleet.registry import known_sensor
+
+        if self.sensor is None:
+            if self.registry is not None:
+                raise InputError("--registry without --sensor", expected="both")
+            return None
+        beside = os.environ.get("SCHULER_REGISTRY", "")
+        where = self.registry or (Path(beside) if beside else None)
+        if where is None:
+            raise InputError(
+                f"--sensor {self.sensor} without a place to look it up",
+                expected="--registry FOLDER_OR_DATABASE, or $SCHULER_REGISTRY",
+            )
+        known = known_sensor(where, self.sensor)
+        say(f"sensor {self.sensor}: {', '.join(known.words)} ({where.name})")
+        return known
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
 class Drive:
     """Recordings of a run with one IMU.
 
@@ -99,11 +141,14 @@ class Drive:
     noise : Path, optional
         Noise model as YAML, from `schuler characterize --noise-out`, or DATABASE#SERIAL, what
         `schuler batch` found of a sensor.
+    of : OfSensor
+        Whose noise model and calibration are looked up in their place.
     """
 
     imu: Path
     gnss: Path
     noise: Path | None = None
+    of: OfSensor = field(default_factory=OfSensor)
 
 
 @Parameter(name="*")
@@ -122,9 +167,12 @@ class Run:
         `schuler batch` found of a sensor.
     told : OneModel
         An error model in its place.
+    of : OfSensor
+        Whose noise model and calibration are looked up in their place.
     """
 
     gnss: Path
     imu: Path | None = None
     noise: Path | None = None
     told: OneModel = field(default_factory=OneModel)
+    of: OfSensor = field(default_factory=OfSensor)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,12 @@ from cyclopts import Parameter
 from schuler.cli.job import Job, Result, working
 from schuler.cli.options.files import Written
 from schuler.cli.parsing import parse_numbers
+from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
     from schuler.fleet.batch import BatchReport
+    from schuler.fleet.database import Measurement
     from schuler.fleet.summary import FleetSummary
 
 MOST = 12
@@ -71,6 +73,7 @@ def batch(
     *,
     out: Path,
     retry: bool = False,
+    sensor: str | None = None,
     treatment: Treatment = Treatment(),
     workforce: Workforce = Workforce(),
     written: Written = Written(),
@@ -80,7 +83,8 @@ def batch(
     Static logs become noise coefficients with errors, drives (rows with a `gnss` file, or folders
     with imu.* and gnss.*) are judged by GNSS outages. Everything is kept in one SQLite database;
     what is in it already is not done again, and a log that cannot be used is listed and does not
-    stop the rest. `--noise DATABASE#SERIAL` then gives other verbs the noise model of a sensor.
+    stop the rest. `--sensor SERIAL --registry DATABASE` then gives other verbs the noise model and
+    the calibration of a sensor.
 
     Example: `schuler batch logs.csv --out fleet.sqlite --report fleet.html`
 
@@ -88,11 +92,13 @@ def batch(
     ----------
     logs : Path
         Folder, or CSV or Parquet table with a column file and, where known, sensor, serial,
-        date, temperature (degrees Celsius), gnss and noise.
+        date, temperature (degrees Celsius), gnss, noise and calibration.
     out : Path
         Database; made, or gone on with.
     retry : bool
         Do the logs that failed again.
+    sensor : str, optional
+        Show all that was measured of this serial number, by date, instead of the fleet.
     """
     if "numpy" not in sys.modules:
         from schuler.execution import one_thread
@@ -126,17 +132,41 @@ def batch(
                 told=lambda file, k, n: shown.tell(f"{k} of {n}: {Path(file).name}", k / n),
             )
         summary = summarise_fleet(database)
+        history = () if sensor is None else tuple(database.measurements(sensor))
+        if sensor is not None and not history:
+            raise InputError(
+                f"nothing is known of sensor '{sensor}'",
+                expected=f"one of {', '.join(database.serials()[:8])}",
+                where=str(out),
+            )
     return job.finish(
         Result(
             title=f"Fleet of {logs.stem}",
             sections=(summary,),
-            show=lambda screen: show_fleet(screen, summary, done, remarks),
-            json=lambda: summary.to_dict() | {"remarks": list(remarks)},
+            show=lambda screen: (
+                show_history(screen, history)
+                if history
+                else show_fleet(screen, summary, done, remarks)
+            ),
+            json=lambda: (
+                summary.to_dict()
+                | {"remarks": list(remarks)}
+                | ({"history": [asdict(m) for m in history]} if history else {})
+            ),
             settings={"database": out.name},
             with_origin=True,
             passed=not done.failures,
         )
     )
+
+
+def show_history(screen: Screen, history: tuple[Measurement, ...]) -> None:
+    """Print what was measured of one sensor over time."""
+    from schuler.report.sections.fleet import history_rows
+
+    screen.heading(f"Sensor {history[0].serial}", history[0].sensor)
+    columns, rows = history_rows(history)
+    screen.table(columns, rows, words=3)
 
 
 def checked(model: str) -> str:

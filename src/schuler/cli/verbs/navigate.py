@@ -88,6 +88,8 @@ def navigate(
         return job.finish(_judged(result, answer.truth, reference))
     if run.told.model is not None:
         raise InputError("--model with --array", expected="one IMU (--imu)")
+    if run.of.sensor is not None:
+        raise InputError("--sensor with --array", expected="one IMU (--imu)")
     _require_for_arrays(several, answer, known, sensors)
     result = _array(run, answer, several, known, sensors, reading)
     return job.finish(_judged(result, answer.truth, reference))
@@ -135,10 +137,11 @@ def _single(
     from schuler.report import NavigationResults
 
     keywords = known.keywords()
-    recording, fixes = load_drive(imu, run.gnss, reading)
+    sensor = run.of.found()
+    recording, fixes = load_drive(imu, run.gnss, reading, sensor)
     keywords = sensors.keywords(keywords, recording.time, fixes, repair=reading.repair)
     with working("Navigating") as shown:
-        chosen, model = run.told.found(load_noise(run.noise), recording.rate)
+        chosen, model = run.told.found(load_noise(run.noise, sensor), recording.rate)
         cut, setup = prepare(recording, fixes, model, progress=shown.say, **keywords)
         shown.say("smoothing" if answer.smooth else "filtering")
         how: dict[str, Any] = {"smooth": answer.smooth, "lag": answer.lag}

@@ -12,6 +12,7 @@ from schuler.cli.options.files import Run, Written
 from schuler.cli.options.reading import DriveReading
 from schuler.cli.options.running import RunOptions
 from schuler.cli.parsing import title_of
+from schuler.errors import InputError
 
 if TYPE_CHECKING:
     from schuler.cli.console import Screen
@@ -61,14 +62,17 @@ def _observed(
     # slow errors of GNSS are hidden by what they are: what is asked is what hides of the sensors
     white = replace(keywords.get("measurements", PLAIN), correlated=None)
     keywords |= {"measurements": white}
-    model = load_noise(run.noise)
+    sensor = run.of.found()
+    model = load_noise(run.noise, sensor)
     if run.imu is None:
+        if sensor is not None:
+            raise InputError("--sensor with --array", expected="one IMU (--imu)")
         array, fixes = load_array_drive(several, run.gnss, reading)
         with working("Observing") as shown:
             settings = NavigationSettings(**keywords)
             prepared = prepare_array(array, fixes, model, settings, shown.say)
             return observe_array(prepared, fixes)
-    recording, fixes = load_drive(run.imu, run.gnss, reading)
+    recording, fixes = load_drive(run.imu, run.gnss, reading, sensor)
     with working("Observing") as shown:
         cut, setup = prepare(recording, fixes, model, progress=shown.say, **keywords)
         return (observe("single IMU", cut, fixes, setup),)

@@ -50,9 +50,10 @@ def outages(
     which, keywords, models = lost.keywords(), known.keywords(), told.names
     if lost.lag is not None and models:
         raise InputError("--lag with --models", expected="one of them")
-    recording, fixes = load_drive(drive.imu, drive.gnss, reading)
+    sensor = drive.of.found()
+    recording, fixes = load_drive(drive.imu, drive.gnss, reading, sensor)
     keywords = which | sensors.keywords(keywords, recording.time, fixes, repair=reading.repair)
-    model, name = load_noise(drive.noise), title_of(drive.imu)
+    model, name = load_noise(drive.noise, sensor), title_of(drive.imu)
     if models:
         comparison = compare(recording, fixes, model, told, keywords)
         title = f"Error models in GNSS outages on {name}"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from schuler.estimation.ieee952 import KEYS
-from schuler.fleet.summary import FleetParameter, FleetSummary
+from schuler.fleet.database import Measurement
+from schuler.fleet.summary import FleetSummary
 from schuler.noise.parameter_names import parameter_kind
 from schuler.report.blocks import Block, Facts, FigureGrid, Finding, Findings, Section, Table
 from schuler.report.figures import axis, marks
@@ -103,8 +105,8 @@ def _ranking(result: FleetSummary) -> FigureGrid:
     return FigureGrid(tuple(figures), (), 1, "The loudest axis of every sensor.")
 
 
-def _scaled(p: FleetParameter) -> tuple[str, float]:
-    kind = parameter_kind(p.axis, KEYS[p.name]) or ""
+def _scaled(channel: str, name: str) -> tuple[str, float]:
+    kind = parameter_kind(channel, KEYS[name]) or ""
     unit = kind_of(kind).datasheet
     return pretty(unit), scale(unit, kind)
 
@@ -113,7 +115,7 @@ def parameter_rows(fleet: FleetSummary) -> Rows:
     """Return the pooled coefficients, each with how far the sensors differ."""
     rows = []
     for p in fleet.parameters:
-        unit, size = _scaled(p)
+        unit, size = _scaled(p.axis, p.name)
         spread = MISSING if p.units < 2 else percent(p.spread)
         shared = MISSING if math.isnan(p.p_value) else ("yes" if p.shared else "no")
         value = compact_with_error(p.value / size, p.standard_error / size)
@@ -121,6 +123,24 @@ def parameter_rows(fleet: FleetSummary) -> Rows:
         rows.append((p.sensor, p.axis, p.name, value, unit, spread, shared, str(p.units), count))
     columns = ("kind", "axis", "", "pooled", "unit", "spread", "one value", "sensors", "logs")
     return columns, tuple(rows)
+
+
+def history_rows(history: Sequence[Measurement]) -> Rows:
+    """Return what was measured of a sensor, by coefficient and then by date."""
+    rows = []
+    names = [n for n in KEYS if any(m.name == n for m in history)]
+    order = sorted(history, key=lambda m: (m.axis, names.index(m.name) if m.name in names else -1))
+    for m in order:
+        warm = MISSING if m.temperature is None else f"{m.temperature:g}"
+        unit, size = _scaled(m.axis, m.name) if m.name in KEYS else ("", 1.0)
+        if m.value is not None and m.standard_error is not None:
+            value = compact_with_error(m.value / size, m.standard_error / size)
+        elif m.value is not None:
+            value = number(m.value / size)
+        else:
+            value = MISSING if m.upper_limit is None else f"< {number(m.upper_limit / size)}"
+        rows.append((m.axis, m.name, m.date or MISSING, warm, value, unit))
+    return ("axis", "", "date", "°C", "value", "unit"), tuple(rows)
 
 
 def outlier_rows(fleet: FleetSummary) -> Rows:
