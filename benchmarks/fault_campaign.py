@@ -65,8 +65,11 @@ RECEIVER = GnssGrade("white", 1, (0.03, 0.03, 0.05), (0.0, 0.0, 0.0), 60.0, (0.0
 GYRO, ACCEL = ("gyro_z",), ("accel_x",)
 
 
-def faults(at: float) -> dict[str, dict[str, object]]:
-    """Changes of a scenario by the name of the fault, which begins at a time."""
+def faults(sound: Scenario, at: float) -> dict[str, dict[str, object]]:
+    """Changes of a scenario by the name of the fault, which begins at a time.
+
+    Those of GNSS begin behind a tunnel, where there is one.
+    """
     imu = {
         "gyro step 1 deg/s": StepFault(start=at, channels=GYRO, size=np.radians(1.0)),
         "accel step 0.5 m/s2": StepFault(start=at, channels=ACCEL, size=0.5),
@@ -81,10 +84,11 @@ def faults(at: float) -> dict[str, dict[str, object]]:
         "stamps jump back 0.5 s": TimeJump(start=at, jump=-0.5),
     }
     found: dict[str, dict[str, object]] = {name: {"faults": (f,)} for name, f in imu.items()}
+    at = max([at, *(start + length + 20.0 for start, length in sound.outages)])
     found["one wrong fix 100 m"] = {"fix_faults": (WrongFix(start=at, north=100.0),)}
     found["wrong fixes 20 s"] = {"fix_faults": (WrongFix(start=at, duration=20.0, east=30.0),)}
     found["late stamps 0.4 s"] = {"fix_faults": (LateStamps(start=at, late=0.4),)}
-    found["outage 30 s"] = {"outages": ((at, 30.0),)}
+    found["outage 30 s"] = {"outages": (*sound.outages, (at, 30.0))}
     found["outliers 5 %"] = {"outlier_rate": 0.05}
     found["claims half of its errors"] = {"claimed_scale": 0.5}
     return found
@@ -117,13 +121,15 @@ def ship(duration: float) -> Profile:
     return from_waypoints(time, position, np.column_stack([roll, pitch, heading]))
 
 
+TUNNEL = {"tunnel": ("car_mixed", 120.0, 600.0)}
+"""Motion, and start and length of a tunnel in s, by which the duration given becomes longer."""
 OWN = {
     "train": lambda duration: straight(duration, 60.0, 0.8),
     "rocket": lambda duration: straight(duration, 800.0, 40.0, climb=1.0),
     "ship": ship,
 }
 SHAKEN = {"helicopter": ("drone", 3.0)}
-MOTIONS = ("car_urban", "car_mixed", "motorcycle", "walk", "drone", *SHAKEN, *OWN)
+MOTIONS = ("car_urban", "car_mixed", "motorcycle", "walk", "drone", *SHAKEN, *TUNNEL, *OWN)
 
 
 def scenario(motion: str, duration: float, several: bool) -> Scenario:
@@ -131,6 +137,9 @@ def scenario(motion: str, duration: float, several: bool) -> Scenario:
     base, vibration = SHAKEN.get(motion, (motion, 0.0))
     profile = OWN[motion](duration) if motion in OWN else None
     made = Scenario(base, NOISE, RECEIVER, duration=duration, profile=profile, vibration=vibration)
+    if motion in TUNNEL:
+        base, start, length = TUNNEL[motion]
+        made = replace(made, motion=base, duration=duration + length, outages=((start, length),))
     if not several:
         return made
     mounting = tetrahedron_mounting()
@@ -177,10 +186,10 @@ def judge(
 ) -> list[tuple[str, str, float]]:
     """Return fault, verdict and NEES of every fault of one twin."""
     sound = scenario(motion, duration, mechanization != "single")
-    at = 0.6 * duration
+    at = 0.6 * sound.duration
     rows: list[tuple[str, str, float]] = []
     usual, known = np.nan, set()
-    for name, change in {"none": {}, **faults(at)}.items():
+    for name, change in {"none": {}, **faults(sound, at)}.items():
         if name != "none" and wanted and not any(w in name for w in wanted):
             continue
         made = replace(sound, **change)  # type: ignore[arg-type]

@@ -17,8 +17,9 @@ class Finding(ToDict):
     Parameters
     ----------
     kind : str
-        "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "saturation", "knock",
-        "outlier", "heavy tails", "units", "gravity", "grid", "rest", "channels", "source of rate".
+        "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "noise burst",
+        "saturation", "knock", "outlier", "heavy tails", "units", "gravity", "grid", "rest",
+        "channels", "source of rate".
     severity : {"info", "warning", "error"}
         An error makes results wrong; a warning can.
     message : str

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from schuler.data import ImuRecording
 from schuler.data.exportable import Exportable
 from schuler.errors import InputError
-from schuler.screening import motion, rows, stuck, values
+from schuler.screening import bursts, motion, rows, stuck, values
 from schuler.screening.finding import Finding
 
 __all__ = [
@@ -141,9 +141,9 @@ def screen(imu: ImuRecording) -> Screening:
     Returns
     -------
     Screening
-        Rate, jitter, gaps, repeated rows, stuck axes, saturation, knocks and outliers (of static
-        recordings, where motion cannot be the cause), units suspected to be wrong, the gravity
-        axis, the steps of quantisation, and times of rest.
+        Rate, jitter, gaps, repeated rows, stuck axes, bursts of noise in one axis, saturation,
+        knocks and outliers (of static recordings, where motion cannot be the cause), units
+        suspected to be wrong, the gravity axis, the steps of quantisation, and times of rest.
 
     Notes
     -----
@@ -170,6 +170,7 @@ def screen(imu: ImuRecording) -> Screening:
         *rows.findings_on_rows(imu, repeated),
         *values.stuck_axes(imu),
         *stuck.findings_on_stuck(imu, stuck.stuck_intervals(imu)),
+        *bursts.findings_on_bursts(imu),
         *values.saturation(imu),
         *disturbances,
         *values.suspected_units(imu, still),

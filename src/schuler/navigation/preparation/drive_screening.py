@@ -28,6 +28,7 @@ from schuler.navigation.preparation.gaps import (
     find_gaps,
     interpolation_variance,
 )
+from schuler.screening.bursts import findings_on_bursts
 from schuler.screening.screen import Finding
 from schuler.screening.stuck import stuck_intervals
 from schuler.types import FloatArray
@@ -62,6 +63,7 @@ def screen_drive(
     findings += _coverage(imu, gnss)
     gaps = find_data_gaps(imu)
     findings += [_finding_on_gap(part) for part in gaps]
+    findings += findings_on_bursts(imu)
     return imu, DriveCondition(
         findings=tuple(findings),
         gaps=gaps,
