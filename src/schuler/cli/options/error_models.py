@@ -18,7 +18,25 @@ if TYPE_CHECKING:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class ModelOptions:
+class _SensorAtRest:
+    """Where the noise of an error model comes from, and how 18AVWD takes it off.
+
+    Parameters
+    ----------
+    static : Path, optional
+        The same sensor at rest, at the rate of the drive: gives the noise where no --noise is
+        given, and what AR models are fitted to.
+    denoising : str
+        For 18AVWD: off-line, which looks ahead, or causal, which answers late.
+    """
+
+    static: Path | None = None
+    denoising: Literal["off-line", "causal"] = "off-line"
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ModelOptions(_SensorAtRest):
     """Which error models to compare.
 
     Parameters
@@ -27,16 +45,9 @@ class ModelOptions:
         Error models with commas between, each through the same outages: 15AV, 18AV, 18AVWD, 15AR,
         27AR (Quinchia et al. 2013), flicker4, own; with +corrected, +turn-on, +scale,
         +misalignment, +averaged, +garch behind them.
-    static : Path, optional
-        The same sensor at rest, at the rate of the drive: gives the noise where no --noise is
-        given, and what AR models are fitted to.
-    denoising : str
-        For 18AVWD: off-line, which looks ahead, or causal, which answers late.
     """
 
     models: str | None = None
-    static: Path | None = None
-    denoising: Literal["off-line", "causal"] = "off-line"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -56,7 +67,7 @@ class ModelOptions:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class OneModel:
+class OneModel(_SensorAtRest):
     """What the filter is told of its sensor.
 
     Parameters
@@ -65,16 +76,9 @@ class OneModel:
         One error model in place of the noise model as it is: 15AV, 18AV, 18AVWD, 15AR, 27AR
         (Quinchia et al. 2013), flicker4, own; with +corrected, +turn-on, +scale, +misalignment,
         +averaged, +garch behind it.
-    static : Path, optional
-        The same sensor at rest, at the rate of the drive: gives the noise where no --noise is
-        given, and what AR models are fitted to.
-    denoising : str
-        For 18AVWD: off-line, which looks ahead, or causal, which answers late.
     """
 
     model: str | None = None
-    static: Path | None = None
-    denoising: Literal["off-line", "causal"] = "off-line"
 
     def found(
         self, noise: NoiseModel | None, rate: float
