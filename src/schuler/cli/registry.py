@@ -29,11 +29,12 @@ VERBS = (
     "convert",
     "read",
     "formats",
+    "view",
     "run",
     "warm",
 )
 """Our verbs; each is a function of its name in a module of its name, but for `BESIDE`."""
-BESIDE = {"formats": "read"}
+BESIDE = {"formats": "read", "view": "read"}
 """Verbs that stand in the module of another."""
 GROUP = "schuler.verbs"
 """Entry points of other packages: NAME = MODULE:FUNCTION."""

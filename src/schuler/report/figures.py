@@ -22,10 +22,10 @@ MAX_POINTS = 1000
 """Points of a line; more cannot be told apart on a screen."""
 
 
-def encode(values: ArrayLike) -> dict[str, str]:
+def encode(values: ArrayLike, dtype: Literal["f4", "f8"] = "f4") -> dict[str, str]:
     """Return numbers in the typed form of plotly.js."""
-    array = np.ascontiguousarray(values, dtype="<f4")
-    return {"dtype": "f4", "bdata": base64.b64encode(array.tobytes()).decode("ascii")}
+    array = np.ascontiguousarray(values, dtype=f"<{dtype}")
+    return {"dtype": dtype, "bdata": base64.b64encode(array.tobytes()).decode("ascii")}
 
 
 def thin(x: FloatArray, y: FloatArray, points: int = MAX_POINTS) -> NDArray[np.int64]:

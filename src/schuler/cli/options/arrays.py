@@ -34,7 +34,7 @@ class ArrayOptions:
         single, synthetic, extended, constrained or system; all compares them.
     parity : bool
         Whether the extended filter learns the bias of every sensor from the differences between
-        them.
+        them; --without-parity switches that off.
     faults : bool
         Whether faults of sensors are looked for, and sensors not used while they are faulty;
         --without-faults switches that off.
@@ -49,7 +49,7 @@ class ArrayOptions:
     array: Annotated[tuple[Path, ...], Parameter(negative=())] = ()
     mount: Annotated[tuple[str, ...], Parameter(negative=())] = ()
     mechanization: str = "extended"
-    parity: bool = True
+    parity: Annotated[bool, Parameter(negative="--without-parity")] = True
     faults: Annotated[bool, Parameter(negative="--without-faults")] = True
     weights: str = "auto"
     window: Annotated[tuple[str, ...], Parameter(negative=())] = ()

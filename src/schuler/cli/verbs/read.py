@@ -1,4 +1,4 @@
-"""`schuler read` and `formats`: what is in a file, what is taken for granted, what can be read."""
+"""`schuler read`, `formats` and `view`: what is in a file, what can be read, a whole folder."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from schuler.data import GnssRecording, ImuRecording
     from schuler.io.format import Format
 
+Browser = Annotated[bool, Parameter(negative="--no-browser")]
 _HELD = {"imu": "IMU", "gnss": "GNSS", "sensor": "sensors"}
 
 
@@ -174,3 +175,32 @@ def _entry(one: Format) -> dict[str, Any]:
         "writes": _written(one),
         "extra": one.extra,
     }
+
+
+def view(folder: Path = Path(), /, *, port: int = 0, browser: Browser = True) -> int:
+    """Look at the recordings and results of a folder in the browser, and work on them there.
+
+    Only this machine can open the window, and only with the address that is printed. It needs
+    `pip install 'schuler[view]'`, and runs until Ctrl-C.
+
+    Example: `schuler view recordings/`
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of recordings; the current one if left out.
+    port : int
+        Where to listen; 0: any that is free.
+    browser : bool
+        Open the browser; --no-browser prints the address only.
+    """
+    from schuler.cli.console import say
+    from schuler.cli.wording import in_options
+    from schuler.view import serve
+
+    def told(address: str) -> None:
+        say("the window is open until Ctrl-C; keep its address to yourself")
+        print(address, flush=True)
+
+    serve(folder, port=port, browser=browser, told=told, words=in_options)
+    return 0
