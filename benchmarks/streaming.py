@@ -1,8 +1,9 @@
 """Time of one call in a real-time loop, and that the stream ends where the batch filter does.
 
 A drive of 100 Hz with GNSS once a second that arrives 0.2 s late, fed sample by sample from Python:
-`add_imu` and `add_gnss`, each timed by itself, in CPU time of this thread. What else the machine
-does still empties the caches in between, so every figure is the least of three streams.
+`add_imu` and `add_gnss`, each timed by itself, in CPU time of this thread; then `add_array` of four
+IMUs, faults looked for. What else the machine does still empties the caches in between, so every
+figure is the least of three streams.
 `python -m benchmarks.streaming`, or with `--against PATH` the ratio to another checkout, in turn.
 """
 
@@ -18,10 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.against import least_in_turn
+from benchmarks.array_faults import draw, noise_model
 from benchmarks.filter_speed import LEVER, recordings, sensor_model, started
 from schuler.data import ImuRecording
 from schuler.navigation.aiding.schedule import AidingSchedule
 from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
+from schuler.navigation.mechanizations.array_preparation import prepare_array
+from schuler.navigation.mechanizations.array_stream import ArrayFilter
+from schuler.navigation.settings import NavigationSettings
 from schuler.navigation.streaming import GnssReceiver, NavigationFilter
 
 Array = NDArray[np.float64]
@@ -31,6 +36,7 @@ WARM_UP = 500
 STREAMS = 3
 MOST_IMU = 20.0
 MOST_GNSS = 200.0
+MOST_ARRAY = 15.0
 # in turn with another checkout
 ROUNDS = 12
 COMPARED = (15, 33)
@@ -89,6 +95,26 @@ def stream(
     return np.array(by_imu[WARM_UP:]) / 1e3, np.array(by_gnss[skip:]) / 1e3, filter_
 
 
+def array_stream() -> Array:
+    """Microseconds of every add_array of four IMUs, tests of faults and parity among them."""
+    noise = noise_model()
+    array, gnss, _ = draw(300, noise)
+    told = NavigationSettings(time_offset=0.0, tune_noise=False)
+    begin = float(array.time[0])
+    live = ArrayFilter(prepare_array(array.between(begin, begin + 40.0), gnss, noise, told), gnss)
+    taken, clock = [], time.thread_time_ns
+    gc.disable()
+    for k, now in enumerate(array.time[:8000].tolist()):
+        gyro, accel = array.gyro[k], array.accel[k]
+        start = clock()
+        live.add_array(now, gyro, accel)
+        taken.append(clock() - start)
+    gc.enable()
+    if live.absences:
+        raise SystemExit(f"a healthy sensor was taken out: {live.absences[0].text}")
+    return np.array(taken[WARM_UP:]) / 1e3
+
+
 def compare(other: Path) -> int:
     """Print medians and 99th percentiles here, and their ratio to those of another checkout."""
     print("microseconds of CPU a call, and over those of the other checkout")
@@ -137,6 +163,10 @@ def judge() -> int:
         )
         same = np.array_equal(filter_.state().position, done.samples.position[-1])
         checks.append((same, f"{states} states: the batch filter ends at the same bits"))
+    found = [np.percentile(array_stream(), [50, 99, 100]) for _ in range(STREAMS)]
+    middle, high, largest = np.min(found, axis=0)
+    print(f"four IMUs: add_array {middle:7.1f} {high:7.1f} {largest:8.1f}")
+    checks.append((bool(high <= MOST_ARRAY), f"add_array {high:.1f} (at most {MOST_ARRAY:g})"))
     for good, text in checks:
         print(("reached: " if good else "MISSED: ") + text)
     return 0 if all(good for good, _ in checks) else 1

@@ -62,6 +62,34 @@ for lag in (None, 1.0):
     if lag is not None:
         assert stream.smoothed_state() is not None
 unchanged(before)
+
+from schuler.data import ImuArray
+from schuler.navigation.mechanizations.array_preparation import prepare_array
+from schuler.navigation.mechanizations.array_stream import ArrayFilter
+from schuler.navigation.settings import NavigationSettings
+from schuler.arrays.geometry import tetrahedron_mounting
+from schuler.noise import NoiseModel, WhiteNoise
+from schuler.simulation import motorcycle, simulate_array, simulate_gnss
+
+rng, place = np.random.default_rng(1), tetrahedron_mounting(0.05)
+ride = motorcycle(60.0, 1, standstill=15.0)
+noise = NoiseModel.isotropic(WhiteNoise(1e-3), WhiteNoise(3e-3))
+parts = simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+array = ImuArray.from_recordings(parts, place)
+gnss = simulate_gnss(ride, 1.0, position_sd=0.1, velocity_sd=0.05, rng=rng)
+told = NavigationSettings(time_offset=0.0, tune_noise=False)
+live = ArrayFilter(prepare_array(array, gnss, noise, told), gnss)
+array.gyro.flags.writeable = False
+for k in range(1000):
+    gyro = array.gyro[k]
+    if k > 700:
+        gyro = gyro + np.array([[0.1, 0.0, 0.0]] + 3 * [[0.0] * 3])
+    if 300 < k < 330:
+        gyro = gyro.copy()
+        gyro[1] = np.nan
+    live.add_array(float(array.time[k]), gyro, array.accel[k])
+assert live.out.sum() == 1
+unchanged(before)
 """
 
 SECOND = """

@@ -70,6 +70,8 @@ def _mechanizations() -> None:
     from schuler.cli.example import EXAMPLE_RATE, example_noise
     from schuler.data import ImuArray, Mounting
     from schuler.evaluation.mechanizations import compare_mechanizations
+    from schuler.navigation.mechanizations.array_preparation import prepare_array
+    from schuler.navigation.mechanizations.array_stream import ArrayFilter
     from schuler.navigation.settings import NavigationSettings
     from schuler.simulation import car_urban, simulate_array, simulate_gnss
 
@@ -80,7 +82,13 @@ def _mechanizations() -> None:
     recordings = simulate_array(profile, *places, example_noise(), EXAMPLE_RATE, rng)
     gnss = simulate_gnss(profile, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
     array = ImuArray.from_recordings(recordings, mounting)
-    compare_mechanizations(array, gnss, example_noise(), NavigationSettings(time_offset=0.0))
+    settings = NavigationSettings(time_offset=0.0)
+    compare_mechanizations(array, gnss, example_noise(), settings)
+    live = ArrayFilter(prepare_array(array, gnss, example_noise(), settings), gnss)
+    for k in range(40):
+        gyro = array.gyro[k].copy()
+        gyro[0] = np.nan if k == 20 else gyro[0]
+        live.add_array(array.time[k], gyro, array.accel[k])
 
 
 def _synthetic() -> None:

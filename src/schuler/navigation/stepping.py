@@ -148,7 +148,7 @@ class FilterStepper:
         Whether the transition between nodes is kept, for a smoother.
     """
 
-    __slots__ = ("_kernel", "model", "rules", "state")
+    __slots__ = ("kernel", "model", "rules", "state")
 
     def __init__(
         self,
@@ -163,7 +163,7 @@ class FilterStepper:
     ) -> None:
         from schuler.kernels.navigation.filter import run_filter
 
-        self._kernel: Callable[[Filter, int, int, int, bool], int] = run_filter
+        self.kernel: Callable[[Filter, int, int, int, bool], int] = run_filter
         self.model = model.layout()
         self.state = FilterState.empty(model.size, self.model.drift.shape[1], accumulating)
         self.restart(initial)
@@ -254,7 +254,7 @@ class FilterStepper:
         self, filter_: Filter, begin: int, stop: int, updates: int, closing: bool = False
     ) -> int:
         """Take a stretch of samples; see `run_filter`."""
-        return self._kernel(filter_, begin, stop, updates, closing)
+        return self.kernel(filter_, begin, stop, updates, closing)
 
 
 def kernel_samples(imu: ImuRecording, white_scale: FloatArray | None) -> Samples:

@@ -27,8 +27,9 @@ class SampleBuffer:
 
     def __post_init__(self) -> None:
         rows = 2 * self.places
-        self.time, self.scale = np.empty(rows), np.ones((rows, 6))
-        self.gyro, self.accel = np.empty((rows, 3)), np.empty((rows, 3))
+        # written to now: memory that nobody has touched costs the first sample that does
+        self.time, self.scale = np.full(rows, 0.0), np.ones((rows, 6))
+        self.gyro, self.accel = np.full((rows, 3), 0.0), np.full((rows, 3), 0.0)
         self.outputs = SampleOutputs.empty(rows if self.keep_outputs else 0)
 
     def add(self, time: float, gyro: ArrayLike, accel: ArrayLike) -> int:
@@ -51,6 +52,19 @@ class SampleBuffer:
         for values in kept:
             values[: self.places] = values[self.places :]
         self.first += self.places
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearRows:
+    """Linear functions of the sensor states at one time, whitened, three by three.
+
+    value, variance (p, 3): infinite where there is none; matrix (p, 3, 12 + m).
+    """
+
+    time: float
+    value: FloatArray
+    variance: FloatArray
+    matrix: FloatArray
 
 
 class RowBuffer:

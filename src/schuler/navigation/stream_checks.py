@@ -47,6 +47,23 @@ def _three(values: ArrayLike, what: str, places: int = 3) -> FloatArray:
     return array
 
 
+def checked_stamp(time: float, last: float) -> float:
+    """Return the time of a sample that may come after one at the time `last`."""
+    time = checked_time(time, "sample")
+    if not time > last:
+        raise InputError(
+            f"a sample at {time:.6f} s after one at {last:.6f} s", expected="time that increases"
+        )
+    if time - last > LONGEST_GAP and last != -math.inf:
+        raise InputError(
+            f"the IMU's clock jumped by {time - last:.6g} s, from {last:.3f} to {time:.3f} s",
+            expected=f"samples at most {LONGEST_GAP:g} s apart",
+            cure="leave such a sample out; take jumps of the clock out of the stamps, and start a "
+            "new filter after a pause",
+        )
+    return time
+
+
 def checked_sample(
     time: float, gyro: ArrayLike, accel: ArrayLike, last: float
 ) -> tuple[float, FloatArray, FloatArray]:
@@ -64,18 +81,7 @@ def checked_sample(
                 expected=f"finite numbers within {most:g} in SI units",
                 cure="leave this sample out; the next one bridges the gap",
             )
-    if not time > last:
-        raise InputError(
-            f"a sample at {time:.6f} s after one at {last:.6f} s", expected="time that increases"
-        )
-    if time - last > LONGEST_GAP and last != -math.inf:
-        raise InputError(
-            f"the IMU's clock jumped by {time - last:.6g} s, from {last:.3f} to {time:.3f} s",
-            expected=f"samples at most {LONGEST_GAP:g} s apart",
-            cure="leave such a sample out; take jumps of the clock out of the stamps, and start a "
-            "new filter after a pause",
-        )
-    return time, rate, force
+    return checked_stamp(time, last), rate, force
 
 
 def checked_scale(white_scale: ArrayLike) -> FloatArray:

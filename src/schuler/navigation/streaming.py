@@ -49,7 +49,7 @@ from schuler.navigation.stepping import (
     SensorStretches,
     check_references,
 )
-from schuler.navigation.stream_buffers import RowBuffer, SampleBuffer
+from schuler.navigation.stream_buffers import LinearRows, RowBuffer, SampleBuffer
 from schuler.navigation.stream_checks import (
     FARTHEST_AHEAD,
     check_ahead,
@@ -200,18 +200,23 @@ class NavigationFilter:
         self.late_fixes_refused = 0
         self._states = model.size
         self._constraints, self._vibration, self._gaps = constraints, vibration, gaps
-        self._watching = not (constraints is None and vibration is None and gaps is None)
+        # steps longer than this are looked at by the means above; all are where some look at each
+        self._plain = math.inf if gaps is None else gaps.shortest
+        if constraints is not None or vibration is not None:
+            self._plain = 0.0
         self._receiver = receiver or GnssReceiver()
         lever = np.asarray(self._receiver.lever_arm, dtype=np.float64)
         self._antenna = (
             RowBuffer.of_antenna(POSITION, lever, self._receiver.offset_states),
             RowBuffer.of_antenna(VELOCITY, lever, _NONE),
         )
+        self._linear = RowBuffer.blank(1)
+        self._linear.table["kind"], self._linear.table["rank"] = LINEAR, OTHER_RANK
         held = max(late, 0.0 if lag is None else lag + 2.0 * self._stepper.rules.node_interval)
         places = int(held * rate * 1.5) + 4 * SNAPSHOT_EVERY
         self._samples = SampleBuffer(places, keep_outputs=lag is not None)
         self._rows = RowBuffer.blank(MEASUREMENTS_KEPT)
-        self._matrices = np.zeros((MEASUREMENTS_KEPT, 3, 12 + self._states))
+        self._matrices = np.full((MEASUREMENTS_KEPT, 3, 12 + self._states), 0.0)
         self._matrices_taken = 0
         self._known = 0
         size, width = self._stepper.size, self._stepper.width
@@ -227,6 +232,9 @@ class NavigationFilter:
         self._snapshots = [
             KernelState.empty(model.size, width, lag is not None) for _ in range(snapshots)
         ]
+        for snapshot in self._snapshots:
+            # memory that nobody has written to costs the first sample that does
+            snapshot.memory.fill(0.0)
         self._taken = 0
         self._begun = 0
         self._last = -math.inf
@@ -367,7 +375,7 @@ class NavigationFilter:
         time, rate, force = checked_sample(time, gyro, accel, self._last)
         if white_scale is not None:
             white_scale = checked_scale(white_scale)
-        if self._watching:
+        if time - self._last > self._plain:
             white_scale = self._watch(time, rate, force, white_scale)
         self._take(time, rate, force, white_scale)
 
@@ -400,8 +408,14 @@ class NavigationFilter:
         elif self._scaled:
             samples.scale[row] = 1.0
         self._last = time
-        if samples.count > 1:
-            self._run()
+        count = samples.count
+        if count > 1:
+            # mostly one sample is due, and nothing else
+            plain = self._begun + 1 == count and count % SNAPSHOT_EVERY and not self._shown
+            if plain and self._stepper.kernel(self._filter, row, row + 1, self._known, False) < 0:
+                self._begun = count
+            else:
+                self._run()
         else:
             self._begin = time
             self._forget_others()
@@ -659,29 +673,66 @@ class NavigationFilter:
                 return True
         return False
 
-    def fuse_again(
-        self, time: float, gyro: FloatArray, accel: FloatArray, stretch: SensorStretches
-    ) -> None:
-        """Take the latest samples once more, fused in another way, and those to come likewise.
+    def add_fused(self, time: float, gyro: FloatArray, accel: FloatArray) -> None:
+        """Take a sample that was looked at already; see `add_imu`."""
+        scale = None
+        if time - self._last > self._plain:
+            scale = self._watch(time, gyro, accel, None)
+        self._take(time, gyro, accel, scale)
 
-        `gyro`, `accel` (m, 3): of the samples from `time` on. Linear measurements since then rest
-        on the fusion before, and are forgotten.
+    def add_linear(self, measured: LinearRows) -> None:
+        """Take linear measurements that were looked at already, of a time that is to come."""
+        row, matrices = self._linear, len(self._matrices)
+        for value, variance, matrix in zip(
+            measured.value, measured.variance, measured.matrix, strict=True
+        ):
+            place = self._matrices_taken % matrices
+            self._matrices[place] = matrix
+            self._matrices_taken += 1
+            row.table["matrix"] = place
+            row.first[0], row.value[:], row.variance[:] = measured.time, value, variance
+            self._insert(row.first, measured.time, OTHER_RANK)
+
+    def fuse_again(
+        self,
+        time: FloatArray,
+        gyro: FloatArray,
+        accel: FloatArray,
+        pieces: Sequence[tuple[float, SensorStretches]],
+        measured: Sequence[LinearRows] = (),
+    ) -> None:
+        """Take samples once more that are fused in another way, and those to come likewise.
+
+        `time` (m,), `gyro`, `accel` (m, 3): all samples from a time on. `pieces`: how sensor errors
+        show from which time on. Linear measurements since then rest on the fusion before: what was
+        `measured` takes their place.
         """
-        samples = self._samples
-        sample = samples.count - len(gyro)
-        row = sample - samples.first
-        if len(gyro) and not self._go_back(time):
+        samples, begin = self._samples, pieces[0][0]
+        if time.size and not self._go_back(begin):
             raise InputError(
-                f"a fusion that changes from {time:.3f} s on, {self._last - time:.2f} s ago",
+                f"a fusion that changes from {begin:.3f} s on, {self._last - begin:.2f} s ago",
                 expected=f"{self.late:g} s at most",
             )
-        samples.gyro[row : row + len(gyro)] = gyro
-        samples.accel[row : row + len(gyro)] = accel
-        self._shown = [s for s in self._shown if s.sample < sample]
-        self._shown.append(_Shown(sample if sample > 1 else 0, stretch))
+        held = samples.time[: samples.count - samples.first]
+        if time.size:
+            rows = np.searchsorted(held, time)
+            samples.gyro[rows], samples.accel[rows] = gyro, accel
+            for row in np.setdiff1d(np.arange(rows[0] + 1, rows[-1]), rows):
+                # what bridges a gap is the mean of its neighbours
+                for values in (samples.gyro, samples.accel):
+                    values[row] = 0.5 * (values[row - 1] + values[row + 1])
+        starts = [samples.first + int(np.searchsorted(held, when)) for when, _ in pieces]
+        before = [s for s in self._shown if s.sample < max(starts[0], 1)]
+        # nobody goes back to before the oldest snapshot
+        needless = sum(s.sample <= int(self._oldest().samples[0]) for s in before) - 1
+        self._shown = before[max(needless, 0) :]
+        for start, (_, stretch) in zip(starts, pieces, strict=True):
+            self._shown.append(_Shown(start if start > 1 else 0, stretch))
         # whatever the filter shows now may be of a time it has left
         self._shown_now = -1
-        self._forget_linear(time)
+        self._forget_linear(begin)
+        for rows_of_one_time in measured:
+            self.add_linear(rows_of_one_time)
         self._catch_up()
 
     def _forget_linear(self, time: float) -> None:

@@ -15,7 +15,7 @@ from schuler.types import BoolArray, FloatArray
 
 
 class FaultStream:
-    """The tests of `detect_faults` for one kind of sensor, entered once a block.
+    """The tests of `detect_faults` for one kind of sensor, entered once a block (`watch_block`).
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class FaultStream:
         Of the tests.
     """
 
-    __slots__ = ("_axes", "_constants", "_memory", "_redundancy", "_seen", "sensors", "size")
+    __slots__ = ("_axes", "_constants", "_memory", "sensors", "size", "tests")
 
     def __init__(self, learnt: Followed, settings: FaultSettings) -> None:
         from schuler.kernels.arrays.redundancy_data import Redundancy, RedundantAxes, Remembered
@@ -33,34 +33,30 @@ class FaultStream:
         of, self.size = learnt.sensors, learnt.block
         self.sensors: RedundantSensors = of
         watch = settings.watch(of)
+        turned = of.sensor == "accel" and of.spacing > 0.0
         self._constants = watch.time_constants
         hold = max(round(watch.hold / (self.size * of.step)), 1)
         self._memory = Remembered.begin(
             learnt.bias.copy(), learnt.variance[-1].copy(), len(watch.time_constants), hold
         )
         self._memory.factor[:] = learnt.factor
-        self._seen = float(of.time.size)
+        self._memory.seen[:] = of.time.size
         self._axes = RedundantAxes(
             measurements=np.empty((self.size, of.count)),
-            arm_tensor=np.zeros((self.size if of.spacing > 0.0 else 0, 9)),
+            arm_tensor=np.zeros((self.size if turned else 0, 9)),
             arm=np.ascontiguousarray(arm_coefficients(of.axes, of.arms)),
             extra=np.zeros(0),
             axes=np.ascontiguousarray(of.axes),
             unit=np.ascontiguousarray(of.unit, dtype=np.int64),
             given=np.zeros((0, of.count)),
         )
-        self._redundancy = Redundancy.of(
+        self.tests = Redundancy.of(
             self._axes,
             of.units,
             tuning_of_stream(learnt, settings.online_of(of.sensor), watch),
             self._memory,
             outputs_of_block(self.size, of.count, len(watch.time_constants)),
         )
-
-    @property
-    def arms(self) -> bool:
-        """Whether rotation shows in these sensors by their places."""
-        return len(self._axes.arm_tensor) > 0
 
     @property
     def out(self) -> BoolArray:
@@ -70,24 +66,11 @@ class FaultStream:
     @property
     def variance(self) -> FloatArray:
         """Of a sample of every axis as it is used, (M,)."""
-        return np.asarray(self._redundancy.out.variances[0])
+        return np.asarray(self.tests.out.variances[0])
 
-    def take(
-        self, time: FloatArray, measurements: FloatArray, tensor: FloatArray | None
-    ) -> tuple[FaultRecord, ...]:
-        """Take one block of samples; who was taken out in it."""
-        from schuler.kernels.arrays.redundancy import follow
-
-        memory, r = self._memory, self._redundancy
-        self._axes.measurements[:] = measurements
-        if tensor is not None and len(self._axes.arm_tensor):
-            self._axes.arm_tensor[:] = tensor
-        self._seen += self.size
-        # the kernel counts blocks from here on: what was taken out before is one block older
-        memory.taken[:] -= 1
-        memory.events[0] = 0
-        number = follow(replace(r, tuning=replace(r.tuning, bias_samples=self._seen)))
+    def log(self, number: int, time: FloatArray) -> tuple[FaultRecord, ...]:
+        """What the tests said of the last block, whose samples were taken at these times."""
         if not number:
             return ()
         here = replace(self.sensors, time=time, measurements=self._axes.measurements)
-        return fault_records(r.out.events[:number], here, self._constants)
+        return fault_records(self.tests.out.events[:number], here, self._constants)

@@ -246,7 +246,7 @@ def follow(r: Redundancy) -> int:
             memory.mean_extra[0] = total / (stop - start)
         mean_residuals(r, start, stop)
         # the bias differences are means of what has been seen so far, until memory fades
-        known = max(tuning.bias_samples, (b + 1.0) * block)
+        known = max(tuning.bias_samples, memory.seen[0] + (b + 1.0) * block)
         smooth_block(r, b, motion, known)
         if tuning.bias_gain > 0.0:
             gauge_biases(r, b, motion, known)

@@ -138,7 +138,8 @@ class Remembered:
     that it has, block in which it was taken out; use (M,): in this block; gauged (M,): those of
     the gauge of the biases; average (J, M): smoothed residuals; extra_average (J,): smoothed
     variance of motion; level: least variance; mean_extra: of the last block; unresolved: the axes
-    disagree in a way that blames nobody; events so far; sample: the last one of the block.
+    disagree in a way that blames nobody; events so far; sample: the last one of the block; seen:
+    samples before the first block.
     """
 
     bias: Vector
@@ -157,6 +158,7 @@ class Remembered:
     unresolved: Flags
     events: Counter
     sample: Counter
+    seen: Number
 
     @classmethod
     def begin(
@@ -181,6 +183,7 @@ class Remembered:
             unresolved=np.zeros(1, np.bool_),
             events=np.zeros(1, np.int64),
             sample=np.zeros(1, np.int64),
+            seen=np.zeros(1),
         )
 
 

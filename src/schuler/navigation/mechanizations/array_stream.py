@@ -8,6 +8,8 @@ takes them again.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import lcm
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +21,7 @@ from schuler.arrays.lever_arms import arm_coefficients, turning_tensor
 from schuler.arrays.redundant import redundant_sensors
 from schuler.arrays.tracking import follow_sensors
 from schuler.data import GnssRecording
-from schuler.errors import InputError
-from schuler.navigation.aiding.parity import Parity, axis_rows
-from schuler.navigation.aiding.schedule import linear_measurements
+from schuler.errors import InputError, NavigationError
 from schuler.navigation.mechanizations.array_faults import (
     MARGIN,
     SensorAbsence,
@@ -29,15 +29,29 @@ from schuler.navigation.mechanizations.array_faults import (
     onset_of,
     settings_for,
 )
+from schuler.navigation.mechanizations.array_in_use import ArrayInUse, FusionsInUse
 from schuler.navigation.mechanizations.array_preparation import PreparedArray
-from schuler.navigation.mechanizations.sensor_table import Absence, SensorTable, sensor_table
-from schuler.navigation.streaming import FilterState, NavigationFilter
+from schuler.navigation.stepping import SensorStretches
+from schuler.navigation.stream_buffers import LinearRows
+from schuler.navigation.stream_checks import (
+    FASTEST_TURN,
+    LONGEST_GAP,
+    STRONGEST_PUSH,
+    checked_stamp,
+)
+from schuler.navigation.streaming import SNAPSHOT_EVERY, FilterState, NavigationFilter
 from schuler.types import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from schuler.kernels.arrays.array_stream import ArrayStream
 
 LOOK_BACK = 6.0
 """Seconds of samples that are kept to go back to the onset of a fault."""
-PARITY = 1.0
-"""Seconds between measurements of what sensors differ by."""
+PARITY, PARITY_SAMPLES = 1.0, 200
+"""Seconds and samples, at least, between measurements of what sensors differ by: one costs as much
+as ten samples."""
+LEAST_PARITY = 10
+"""Samples of which such a measurement is made where the sensors in use change."""
 
 
 class ArrayFilter:
@@ -91,52 +105,39 @@ class ArrayFilter:
         lag: float | None = None,
         faults: bool = True,
     ) -> None:
+        from schuler.kernels.arrays.array_stream import take_sample, watch_block
+
         setup = replace(prepared.extended_setup(parity=True), sources=(), stretches=None)
         rate = prepared.recording.rate
         self.filter = NavigationFilter.from_setup(
             setup, prepared.recording, gnss, late=max(late, LOOK_BACK if faults else 0.0), lag=lag
         )
         self.absences: list[SensorAbsence] = []
-        self._prepared, self._factors = prepared, setup.factors
-        self._states = setup.model.size
-        self._shown = [axis_rows(prepared.models, kind, self._states) for kind in (0, 1)]
-        count = 3 * prepared.array.count
-        places = int(LOOK_BACK * rate * 1.5) + 2
-        self._time, self._values = np.empty(2 * places), np.empty((2 * places, 2, count))
-        self._places, self._kept = places, 0
-        self._out, self._silent = np.zeros((2, count), bool), np.zeros(prepared.array.count, bool)
-        self._arms = arm_coefficients(
-            prepared.fusion.axes,
-            np.repeat(prepared.array.mounting.position - prepared.fusion.centre, 3, axis=0),
-        )
+        self._fusions = FusionsInUse(prepared, setup)
+        self._places, self._kept = int(LOOK_BACK * rate * 1.5) + 2, 0
+        count = prepared.array.count
+        self._shape = (count, 3)
+        self._out = np.zeros((2, 3 * count), bool)
+        self._stream = _stream(prepared, 2 * self._places)
+        self._sample = self._stream.values.reshape(-1, 2, count, 3)
         self._tests = _tests(prepared) if faults else {}
-        self._block = max((t.size for t in self._tests.values()), default=0)
-        self._since, self._parity_from = 0, -np.inf
-        self._use()
+        self._taken, self._turns = 0, _turns({k: t.size for k, t in self._tests.items()})
+        self._step, self._parity_row = 1.0 / rate, 0
+        self._parity_every = min(max(round(PARITY * rate), PARITY_SAMPLES), self._places // 2)
+        self._take, self._watch, self._last = take_sample, watch_block, -np.inf
+        self._use(self._out, self._stream.silent)
 
-    def _use(self) -> None:
-        """Make the fusion of the sensors that are in use."""
-        prepared, out = self._prepared, self._out | np.repeat(self._silent, 3)
-        absences = [
-            Absence(kind, tuple(np.flatnonzero(out[kind]).tolist()), -np.inf, np.inf)
-            for kind in (0, 1)
-            if out[kind].any()
-        ]
-        table: SensorTable = sensor_table(
-            np.array([-1e300, 1e300]), prepared.array.mounting, prepared.models, absences
-        )
-        fusion = table.fusions[0]
-        self._table, self._pi = table, (fusion.accel, fusion.gyro)
-        # what rotation adds to the fused force: nothing where the middle of those in use stays
-        moment = self._arms @ fusion.accel.T
-        self._moment = moment if np.abs(moment).max() > 1e-12 else None
-        self._stretch = table.stretches(prepared.models, self._factors)
-        self._parity = Parity(prepared.array, table, prepared.models, self._states)
+    def _use(self, out: BoolArray, silent: BoolArray) -> ArrayInUse:
+        """Fuse the sensors that are in use from now on."""
+        used, stream = self._fusions.without(out, silent), self._stream
+        stream.out[:], stream.pi[:], stream.moment[:] = used.out, used.pi, used.moment
+        self._used = used
+        return used
 
     @property
     def out(self) -> BoolArray:
         """Which accelerometers and gyros are not used now, (2, 3 k)."""
-        return np.asarray(self._out | np.repeat(self._silent, 3))
+        return np.asarray(self._out | np.repeat(self._stream.silent, 3))
 
     def add_array(self, time: float, gyro: ArrayLike, accel: ArrayLike) -> None:
         """Take one sample of all IMUs.
@@ -151,39 +152,47 @@ class ArrayFilter:
         Raises
         ------
         InputError
-            Other shapes, no IMU with values, or what `NavigationFilter.add_imu` refuses.
+            Other shapes, no IMU with values, or what `NavigationFilter.add_imu` refuses; nothing
+            has changed.
+        NavigationError
+            As `NavigationFilter.add_imu`.
         """
-        row = self._kept
-        if row == len(self._time):
+        # one comparison for what is as it mostly is; not a number is not
+        if not (type(time) is float and 0.0 < time - self._last < LONGEST_GAP):
+            time = checked_stamp(time, self.filter.time)
+        stream, row = self._stream, self._kept
+        if row == len(stream.time):
             row = self._move_up()
-        values = self._values[row]
         try:
-            values[0], values[1] = np.ravel(accel), np.ravel(gyro)
-        except ValueError:
+            rates, forces = np.asarray(gyro, np.float64), np.asarray(accel, np.float64)
+        except (TypeError, ValueError):
+            rates = forces = np.empty(0)
+        if rates.shape != self._shape or forces.shape != self._shape:
             raise InputError(
                 f"a sample of shape {np.shape(gyro)} and {np.shape(accel)}",
-                expected=f"two of ({self._silent.size}, 3)",
-            ) from None
-        self._time[row] = time
-        # one sum tells whether something is missing
-        if self._silent.any() or not np.isfinite(values.sum()):
-            self._silences(values, row)
-        rate, force = self._pi[1] @ values[1], self._pi[0] @ values[0]
-        if self._moment is not None:
-            force = force - self._turned(row, rate[None])[0] @ self._moment
-        if self._kept and time - self._parity_from >= PARITY - 1e-9 and time > self.filter.time:
+                expected=f"numbers of shape {self._shape}, twice",
+            )
+        sample = self._sample[row]
+        sample[0], sample[1] = forces, rates
+        stream.time[row] = time
+        if self._take(stream, row):
+            self._silences(row)
+        if row + 1 - self._parity_row >= self._parity_every:
             # before its sample: nothing has to be taken once more
-            self._kept = row + 1
-            self._measure_parity(self._parity_from, time)
-            self._parity_from, self._kept = time, row
-        self.filter.add_imu(time, rate, force)
-        self._kept = row + 1
-        if self._kept == 1:
-            self._parity_from = time
-        self._since += 1
-        if self._block and self._since >= self._block:
-            self._since = 0
-            self._look()
+            if row:
+                self.filter.add_linear(self._parity(time, row + 1 - self._parity_row))
+            stream.sums[:], self._parity_row = 0.0, row + 1
+        try:
+            self.filter.add_fused(time, stream.rate, stream.force)
+        except NavigationError:
+            # the filter is back at an earlier sample
+            self._last = self.filter.time
+            self._kept = int(np.searchsorted(stream.time[:row], self._last, "right"))
+            raise
+        self._kept, self._last = row + 1, time
+        self._taken += 1
+        for kind, ago in self._turns[self._taken % len(self._turns)]:
+            self._look(kind, row + 1 - ago)
 
     def add_gnss(self, *fix: object, **more: object) -> bool:
         """Take one fix; see `NavigationFilter.add_gnss`."""
@@ -199,59 +208,71 @@ class ArrayFilter:
 
     def _move_up(self) -> int:
         """Forget the older half."""
-        self._time[: self._places] = self._time[self._places :]
-        self._values[: self._places] = self._values[self._places :]
-        self._kept = self._places
-        return self._kept
+        s, half = self._stream, self._places
+        for rows in (s.time, s.values, s.unheard, s.absent, s.tensor):
+            rows[:half] = rows[half:]
+        self._parity_row -= half
+        self._kept = half
+        return half
 
-    def _silences(self, values: FloatArray, row: int) -> None:
+    def _silences(self, row: int) -> None:
         """Leave out IMUs without values, and let those in that have some again."""
-        there = np.isfinite(values.reshape(2, -1, 3)).all(axis=(0, 2))
+        stream = self._stream
+        time, sample = float(stream.time[row]), self._sample[row]
+        for values, most, what in (
+            (sample[1], FASTEST_TURN, "a gyro shows"),
+            (sample[0], STRONGEST_PUSH, "an accelerometer shows"),
+        ):
+            largest = float(np.nanmax(np.abs(values), initial=0.0))
+            if largest > most and np.isfinite(largest):
+                raise InputError(
+                    f"{what} {largest:g} at {time:.6f} s",
+                    expected=f"finite numbers within {most:g} in SI units",
+                    cure="leave this sample out, or give NaN for this IMU",
+                )
+        there = np.isfinite(sample).all(axis=(0, 2))
         if not there.any():
-            raise InputError(
-                f"at {self._time[row]:.3f} s no IMU has a whole sample", expected="at least one"
-            )
-        if np.any(self._silent == there):
-            self._silent = np.asarray(~there)
-            self._use()
+            raise InputError(f"at {time:.3f} s no IMU has a whole sample", expected="at least one")
+        before, count = self._used, row - self._parity_row
+        stream.silent[:] = ~there
+        used = self._use(self._out, stream.silent)
+        self._fuse_rows(row, row)
+        if self._kept:
             nothing = np.empty((0, 3))
-            self.filter.fuse_again(self._time[row], nothing, nothing, self._stretch)
-        values.reshape(2, -1, 3)[:, ~there] = 0.0
+            self.filter.fuse_again(np.empty(0), nothing, nothing, [(time, used.stretch)])
+        if count >= LEAST_PARITY and self._kept:
+            self.filter.add_linear(self._parity(time, count, before))
+        self._sum_rows(row, row)
+        self._parity_row = row
+        self._take(stream, row)
 
-    def _turned(self, row: int, rate: FloatArray) -> FloatArray:
-        """Tensor of the last samples of a row of rates, (m, 9)."""
-        before = max(row - len(rate), 0)
-        if before == row or row == 0:
-            return turning_tensor(self._time[: len(rate)], rate, causal=True)
-        first = row - len(rate) + 1
-        last = self._values[first - 1, 1] @ self._pi[1].T
-        whole = np.concatenate([last[None], rate])
-        return turning_tensor(self._time[first - 1 : row + 1], whole, causal=True)[1:]
-
-    def _look(self) -> None:
-        """Test the last block; act when somebody is taken out or let back in."""
-        rows = slice(self._kept - self._block, self._kept)
-        if rows.start < 1:
+    def _look(self, kind: int, stop: int) -> None:
+        """Test the block before a row; act when somebody is taken out or let back in."""
+        kept, test = self._kept, self._tests[kind]
+        if stop < test.size or not (number := self._watch(self._stream, test.tests, kind, stop)):
             return
-        rate = self._values[rows, 1] @ self._pi[1].T
-        tensor = self._turned(self._kept - 1, rate) if self._tests[0].arms else None
-        for kind, test in self._tests.items():
-            measured = self._values[rows, kind].copy()
-            measured[:, np.repeat(self._silent, 3)] = np.nan
-            records = test.take(self._time[rows], measured, None if kind else tensor)
-            if np.array_equal(test.out, self._out[kind]):
-                continue
-            added = np.flatnonzero(test.out & ~self._out[kind])
-            start = self._onset(kind, added) if added.size else self._time[self._kept - 1]
-            told = [r for r in records if r.kind in ("axis", "unit") and r.stop is None]
-            self.absences += [SensorAbsence(r, start) for r in told]
-            self._end(kind, test)
-            self._out[kind] = test.out
-            self._go_back(start)
+        records = test.log(number, self._stream.time[stop - test.size : stop])
+        out = test.out
+        if np.array_equal(out, self._out[kind]):
+            return
+        added = np.flatnonzero(out & ~self._out[kind])
+        now = float(self._stream.time[kept - 1])
+        start = self._onset(kind, added) if added.size else now
+        told = [r for r in records if r.kind in ("axis", "unit") and r.stop is None]
+        self.absences += [SensorAbsence(r, start) for r in told]
+        self._end(kind, test)
+        self._out[kind] = out
+        if added.size:
+            first = int(np.searchsorted(self._stream.time[:kept], start - 1e-9))
+            first = min(max(first, kept - self._places), kept - 1)
+            self._stream.absent[first:kept, kind, added] = True
+            self._go_back(first)
+        else:
+            self._go_back(kept - 1)
 
     def _end(self, kind: int, test: FaultStream) -> None:
         """Write into the log who is used again."""
-        now = float(self._time[self._kept - 1])
+        now = float(self._stream.time[self._kept - 1])
         sensor = "gyro" if kind else "accel"
         names, units = test.sensors.names, test.sensors.unit_names
         for place, absence in enumerate(self.absences):
@@ -268,52 +289,111 @@ class ArrayFilter:
 
     def _onset(self, kind: int, added: np.ndarray) -> float:
         """When those that are taken out now began to be off; within what is kept."""
-        test = self._tests[kind]
+        test, stream = self._tests[kind], self._stream
         rows = slice(max(self._kept - self._places, 0), self._kept)
-        x = self._values[rows, kind]
-        if kind == 0 and test.arms:
-            rate = self._values[rows, 1] @ self._pi[1].T
-            tensor = turning_tensor(self._time[rows], rate, causal=True)
-            x = x - tensor @ arm_coefficients(test.sensors.axes, test.sensors.arms)
-        others = ~(test.out | self._out[kind] | np.repeat(self._silent, 3))
+        x = stream.values[rows, kind]
+        if kind == 0 and stream.turning:
+            x = x - stream.tensor[rows] @ stream.arm
+        others = ~(test.out | stream.absent[rows, kind].any(axis=0))
         off = against_others(x, test.sensors.axes, added.tolist(), others, test.variance)
-        found = None if off is None else onset_of(off, self._time[rows], test.size)
-        now = float(self._time[self._kept - 1])
-        earliest = max(float(self._time[rows.start]), now - LOOK_BACK + 0.5)
+        found = None if off is None else onset_of(off, stream.time[rows], test.size)
+        now = float(stream.time[self._kept - 1])
+        earliest = max(float(stream.time[rows.start]), now - LOOK_BACK + 0.5)
         return max((now - 1.0 if found is None else found) - MARGIN, earliest)
 
-    def _go_back(self, start: float) -> None:
-        """Fuse the samples since a time once more, with those in use now."""
-        self._use()
-        first = int(np.searchsorted(self._time[: self._kept], start - 1e-9))
-        first = min(max(first, self._kept - self._places), self._kept - 1)
-        rows = slice(first, self._kept)
-        rate = self._values[rows, 1] @ self._pi[1].T
-        force = self._values[rows, 0] @ self._pi[0].T
-        if self._moment is not None:
-            force = force - self._turned(self._kept - 1, rate) @ self._moment
-        self.filter.fuse_again(float(self._time[first]), rate, force, self._stretch)
-        begin = float(self._time[first])
-        while self._parity_from - begin >= PARITY:
-            self._measure_parity(begin, begin + PARITY)
-            begin += PARITY
+    def _go_back(self, first: int) -> None:
+        """Fuse the rows since the first once more, each with the sensors that it may use."""
+        stream, kept = self._stream, self._kept
+        wanted = stream.absent[first:kept].copy()
+        edges = np.flatnonzero(np.any(wanted[1:] != wanted[:-1], axis=(1, 2))) + 1
+        edges = np.concatenate([[0], edges, [kept - first]])
+        fused = np.empty((2, kept - first, 3))
+        pieces: list[tuple[float, SensorStretches]] = []
+        measured: list[LinearRows] = []
+        for begin, stop in zip(edges[:-1] + first, edges[1:] + first, strict=True):
+            silent = stream.unheard[begin]
+            used = self._use(wanted[begin - first], silent)
+            fused[:, begin - first : stop - first] = self._fuse_rows(begin, stop)
+            pieces.append((float(stream.time[begin]), used.stretch))
+            at = begin
+            while stop - at >= (self._parity_every if stop == kept else LEAST_PARITY):
+                to = min(at + self._parity_every, stop)
+                self._sum_rows(at, to)
+                measured.append(self._parity(float(stream.time[to - 1]), to - at, used))
+                at = to
+            self._sum_rows(at, kept)
+            self._parity_row = int(at)
+        now = self._use(self._out, stream.silent)
+        if now is not used:
+            # from the next sample on: what this one says of parity is of those before
+            pieces.append((float(np.nextafter(stream.time[kept - 1], np.inf)), now.stretch))
+            stream.sums[:], self._parity_row = 0.0, kept
+            self._fuse_rows(kept, kept)
+        self.filter.fuse_again(stream.time[first:kept], fused[1], fused[0], pieces, measured)
 
-    def _measure_parity(self, begin: float, end: float) -> None:
-        """Take what the sensors in use differ by over some time."""
-        first, stop = np.searchsorted(self._time[: self._kept], [begin + 1e-9, end + 1e-9])
-        if stop - first < 2:
-            return
-        values = self._values[first:stop].mean(axis=0)
-        if np.abs(self._arms).max() > 1e-12:
-            rate = self._values[first:stop, 1] @ self._pi[1].T
-            tensor = self._turned(int(stop) - 1, rate).mean(axis=0)
-            values[0] = values[0] - tensor @ self._arms
-        for kind in (0, 1):
-            found = self._parity.measured(kind, 0, values[kind][None], self._shown[kind])
-            if found is not None:
-                z, matrix, noise = found
-                when = float(self._time[stop - 1])
-                self.filter.add(linear_measurements(when, z, matrix, noise / (end - begin)))
+    def _fuse_rows(self, first: int, stop: int) -> FloatArray:
+        """Fuse rows once more, forces and rates (2, rows, 3)."""
+        from schuler.kernels.arrays.array_stream import fuse_again
+
+        fused = np.empty((2, stop - first, 3))
+        fuse_again(self._stream, int(first), int(stop), fused)
+        return fused
+
+    def _sum_rows(self, first: int, stop: int) -> None:
+        from schuler.kernels.arrays.array_stream import sum_rows
+
+        sum_rows(self._stream, int(first), int(stop))
+
+    def _parity(self, time: float, count: int, used: ArrayInUse | None = None) -> LinearRows:
+        """What the sensors in use differ by, from the sums of so many samples."""
+        mean = self._stream.sums / count
+        return (self._used if used is None else used).parity(time, mean, count * self._step)
+
+
+def _turns(blocks: dict[int, int]) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """Which kinds are tested after which sample, and how many samples ago their block ended.
+
+    The kinds take turns, and wait for a sample where the filter keeps a snapshot: no sample waits
+    for two of these.
+    """
+    turns = []
+    for n in range(lcm(SNAPSHOT_EVERY, *blocks.values())):
+        now = []
+        for kind, block in blocks.items():
+            phase = 0 if kind else block // 2
+            if n % SNAPSHOT_EVERY and n % block == phase:
+                now.append((kind, 0))
+            if n % SNAPSHOT_EVERY == 1 and (n - 1) % block == phase:
+                now.append((kind, 1))
+        turns.append(tuple(now))
+    return tuple(turns)
+
+
+def _stream(prepared: PreparedArray, rows: int) -> ArrayStream:
+    """Room for the latest samples of an array."""
+    from schuler.kernels.arrays.array_stream import ArrayStream
+
+    wide = 3 * prepared.array.count
+    arms = np.repeat(prepared.array.mounting.position - prepared.fusion.centre, 3, axis=0)
+    arm = arm_coefficients(prepared.fusion.axes, arms)
+    return ArrayStream(
+        # written to now: memory that nobody has touched costs the first sample that does
+        time=np.full(rows, 0.0),
+        values=np.full((rows, 2, wide), 0.0),
+        unheard=np.full((rows, wide // 3), False),
+        absent=np.full((rows, 2, wide), False),
+        tensor=np.full((rows, 9), 0.0),
+        silent=np.zeros(wide // 3, bool),
+        out=np.zeros((2, wide), bool),
+        pi=np.zeros((2, 3, wide)),
+        arm=arm,
+        moment=np.zeros((9, 3)),
+        sums=np.zeros((2, wide)),
+        force=np.zeros(3),
+        rate=np.zeros(3),
+        most=np.array([STRONGEST_PUSH, FASTEST_TURN]),
+        turning=bool(np.abs(arm).max() > 1e-12),
+    )
 
 
 def _tests(prepared: PreparedArray) -> dict[int, FaultStream]:

@@ -150,7 +150,7 @@ def sensor_table(
         before = variance[rows, a.kind].copy()
         variance[np.ix_(np.flatnonzero(rows), np.array([a.kind]), np.array(a.axes))] = np.inf
         for place, was in zip(np.flatnonzero(rows), before, strict=True):
-            if not _spans(centre.axes[np.isfinite(variance[place, a.kind])]):
+            if not spans(centre.axes[np.isfinite(variance[place, a.kind])]):
                 variance[place, a.kind] = was
     fusions = tuple(
         replace(
@@ -161,6 +161,6 @@ def sensor_table(
     return SensorTable(stamps, variance, fusions)
 
 
-def _spans(axes: FloatArray) -> bool:
+def spans(axes: FloatArray) -> bool:
     """Whether axes measure every direction, none of them by a hair only."""
     return len(axes) >= 3 and float(np.linalg.svd(axes, compute_uv=False)[2]) > 0.3
