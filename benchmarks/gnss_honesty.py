@@ -1,13 +1,15 @@
 """Whether claims hold when errors of GNSS last: grades of receivers, rates and motions.
 
     python -m benchmarks.gnss_honesty [--seeds 2] [--grades RTK ...] [--rates 1 ...]
-        [--motions car ...] [--truth matched ...] [--how default|off] [--tune] [--arm X Y Z]
+        [--motions car ...] [--truth matched ...] [--how default|off|known] [--tune] [--arm X Y Z]
 
 A row is the mean over seeds of: real horizontal error (RMS, m), normalised square a degree (N),
 share inside two sigma, causal and smoothed; velocity square a degree, smoothed; normalised
 innovation squared; CPU seconds. The first quarter of a drive is not judged. `--truth` changes what
 the receiver really does, its claim stays: correlation times, white, slow alone, claims that are too
-large or too small. Seeds are 9001 and on unless told; nothing was tuned on them.
+large or too small. `--how known` tells the filter the true split and time offset: what chance alone
+does, drive by drive (a drive holds a handful of slow errors). Seeds are 9001 and on unless told;
+nothing was tuned on them.
 """
 
 # ruff: noqa: E402 - the number of threads is set before NumPy is imported
@@ -96,6 +98,14 @@ def one(motion: str, grade: GnssGrade, rate: float, seed: int, options: Any) -> 
     told: dict[str, Any] = {}
     if options.how == "off":
         told["measurements"] = schuler.MeasurementOptions(correlated=None)
+    elif options.how == "known":
+        whole, white = np.square(actual.position_sd), np.square(actual.white_sd)
+        share = float(white[0] / whole[0]) / scale**2
+        split = schuler.GnssErrorModel(
+            share, 1.0 / scale**2 - share, actual.correlation_time, fit=False
+        )
+        told["measurements"] = schuler.MeasurementOptions(correlated=split)
+        told |= {"time_offset": 0.0, "lever_arm": options.arm}
     begun = time.process_time()
     used, setup = prepare(imu, gnss, NOISE, tune_noise=options.tune or None, **told)
     done = run(used, gnss, setup, smooth=True)
@@ -122,7 +132,7 @@ def main() -> int:
     parser.add_argument("--rates", nargs="+", type=float, default=[1.0])
     parser.add_argument("--motions", nargs="+", default=["car"])
     parser.add_argument("--truth", default="matched")
-    parser.add_argument("--how", default="default", choices=("default", "off"))
+    parser.add_argument("--how", default="default", choices=("default", "off", "known"))
     parser.add_argument("--tune", action="store_true")
     parser.add_argument("--duration", type=float, default=300.0)
     parser.add_argument("--imu-rate", type=float, default=50.0)

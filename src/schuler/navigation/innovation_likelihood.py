@@ -8,35 +8,47 @@ import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.navigation.engine import FilterRun
-from schuler.types import BoolArray, FloatArray
+from schuler.types import BoolArray, FloatArray, IntArray
 
 # slowest IMU rate used while tuning (Hz)
 TUNING_RATE = 20.0
 # innovations beyond this many standard deviations count with a Cauchy tail
 OUTLYING = 4.0
+RUN = 3 * 2**40
+"""More than measurements of a filter have keys."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InnovationSequence:
-    """Scalar innovations (k,), their claimed variances (k,) and, where needed, times (k,)."""
+    """Scalar innovations (k,), their claimed variances (k,) and, where needed, times (k,).
+
+    `key` (k,) names the measurement of each, and by multiples of `RUN` the filter that met it, so
+    that those of other parameters can be compared: a time offset changes the order in which
+    measurements come.
+    """
 
     value: FloatArray
     variance: FloatArray
     time: FloatArray = field(default_factory=lambda: np.empty(0))
+    key: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @classmethod
     def of_run(
-        cls, run: FilterRun, time: FloatArray | None = None, judges: BoolArray | None = None
+        cls,
+        run: FilterRun,
+        time: FloatArray | None = None,
+        judges: IntArray | None = None,
+        key: IntArray | None = None,
     ) -> InnovationSequence:
-        """Gather what a run left behind, of some of its measurements."""
-        found = cls.of_scalars(run.aiding.scalar if judges is None else run.aiding.scalar[judges])
-        if time is None:
-            return found
-        used = run.aiding.scalar[..., 1] > 0.0
-        stamps = np.repeat(time[:, None], 3, axis=1)
-        if judges is not None:
-            used, stamps = used[judges], stamps[judges]
-        return replace(found, time=stamps[used])
+        """Gather what a run left behind, of some of its measurements, whose keys are given."""
+        pairs = run.aiding.scalar if judges is None else run.aiding.scalar[judges]
+        found, used = cls.of_scalars(pairs), pairs[..., 1] > 0.0
+        if time is not None:
+            stamps = np.repeat((time if judges is None else time[judges])[:, None], 3, axis=1)
+            found = replace(found, time=stamps[used])
+        if key is not None:
+            found = replace(found, key=(3 * key[:, None] + np.arange(3))[used])
+        return found
 
     @classmethod
     def of_scalars(cls, pairs: FloatArray) -> InnovationSequence:
@@ -45,9 +57,16 @@ class InnovationSequence:
         used = scalar[:, 1] > 0.0
         return cls(scalar[used, 0], scalar[used, 1])
 
-    def select(self, kept: BoolArray) -> InnovationSequence:
+    def select(self, kept: BoolArray | IntArray) -> InnovationSequence:
         """Keep some."""
-        return InnovationSequence(self.value[kept], self.variance[kept], self.time[kept])
+        return InnovationSequence(
+            self.value[kept], self.variance[kept], self.time[kept], self.key[kept]
+        )
+
+    @property
+    def order(self) -> IntArray:
+        """In which the measurements came, filter by filter."""
+        return np.lexsort((self.time, self.key // RUN))
 
     @property
     def misfit(self) -> float:

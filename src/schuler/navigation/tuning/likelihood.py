@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigation.aiding.schedule import VELOCITY
+from schuler.navigation.aiding.schedule import VELOCITY, AidingSchedule
 from schuler.navigation.engine import gate_thresholds
-from schuler.navigation.innovation_likelihood import InnovationSequence
+from schuler.navigation.innovation_likelihood import RUN, InnovationSequence
 from schuler.navigation.preparation.setup import RunSetup, TimeOffsets
 from schuler.navigation.segments import run_in_segments
-from schuler.types import FloatArray
+from schuler.types import FloatArray, IntArray
+
+EDGE = 1.0
+"""Seconds from the ends of a recording within which fixes do not judge."""
 
 
 def innovations(
@@ -24,7 +27,9 @@ def innovations(
 ) -> InnovationSequence:
     """Filter a drive once for every thinning of GNSS and gather the innovations of GNSS.
 
-    What is known of a vehicle takes part in the filter, but only GNSS judges.
+    What is known of a vehicle takes part in the filter, but only GNSS judges, and of that the same
+    fixes in the same order whatever the time offsets are: all but those that an offset might push
+    over the ends of the recording.
     """
     initial = setup.initial_state(imu, gnss[0])
     gate = gate_thresholds(0.0)
@@ -34,7 +39,7 @@ def innovations(
     scale = setup.condition.noise_scale(imu.time, scale, setup.model.white_density)
     restarts = setup.restarts(gnss[0])
     found = []
-    for fixes in gnss:
+    for number, fixes in enumerate(gnss):
         schedule = setup.schedule(imu, fixes)
         done = run_in_segments(
             imu,
@@ -49,10 +54,33 @@ def innovations(
             keep_nodes=False,
             node_interval=1e9,
         )
-        found.append(InnovationSequence.of_run(done, schedule.time, schedule.kind <= VELOCITY))
+        rows, key = _judges(
+            schedule, fixes, setup.offsets, (float(imu.time[0]), float(imu.time[-1]))
+        )
+        key += number * RUN // 3
+        found.append(InnovationSequence.of_run(done, schedule.time, rows, key))
     return InnovationSequence(
-        *(np.concatenate([getattr(s, f) for s in found]) for f in ("value", "variance", "time"))
+        *(
+            np.concatenate([getattr(s, f) for s in found])
+            for f in ("value", "variance", "time", "key")
+        )
     )
+
+
+def _judges(
+    schedule: AidingSchedule, fixes: GnssRecording, offsets: TimeOffsets, ends: tuple[float, float]
+) -> tuple[IntArray, IntArray]:
+    """Rows of a schedule that judge, and a number for each that no time offset changes."""
+    rows = np.flatnonzero(schedule.kind <= VELOCITY)
+    shift = np.array([offsets.position, offsets.velocity])[schedule.kind[rows]]
+    at = schedule.time[rows] - shift
+    after = np.clip(np.searchsorted(fixes.time, at), 1, fixes.size - 1)
+    fix = after - (at - fixes.time[after - 1] < fixes.time[after] - at)
+    key = fix + fixes.size * schedule.kind[rows]
+    inside = (fixes.time[fix] > ends[0] + EDGE) & (fixes.time[fix] < ends[1] - EDGE)
+    kept = np.flatnonzero(inside if 2 * inside.sum() > rows.size else np.ones_like(inside))
+    kept = kept[np.argsort(key[kept], kind="stable")]
+    return rows[kept], key[kept]
 
 
 # searches around the edge of the one before

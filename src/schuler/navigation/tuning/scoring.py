@@ -13,7 +13,7 @@ import numpy as np
 
 from schuler.errors import EstimationError
 from schuler.navigation.innovation_likelihood import InnovationSequence
-from schuler.types import FloatArray
+from schuler.types import FloatArray, IntArray
 
 # pieces of time whose scores are taken as independent of each other (s)
 SCORE_BLOCK = 20.0
@@ -100,7 +100,7 @@ def maximise(
             continue
         x, now, best, since = x + step, trial, best + gain, since + gain
         damping = 0.0 if damping < 0.2 else 0.25 * damping
-        if gain < POOR_STEP * promise or now.value.size != len(derivatives.value):
+        if gain < POOR_STEP * promise or not np.array_equal(now.key, derivatives.key):
             derivatives, since = _derivatives(evaluate, x, now), 0.0
     slopes = derivatives.slopes(now, x, prior)
     covariance = slopes.covariance
@@ -168,10 +168,11 @@ class _Slopes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Derivatives:
-    """Of innovations (n, p), and of the logarithms of their variances (n, p)."""
+    """Of innovations (n, p), and of the logarithms of their variances (n, p); keys (n,)."""
 
     value: FloatArray
     spread: FloatArray
+    key: IntArray
 
     def slopes(self, now: InnovationSequence, x: FloatArray, prior: FloatArray) -> _Slopes:
         """What follows from them with innovations that may be those of a step later."""
@@ -192,12 +193,21 @@ class _Derivatives:
 def _derivatives(
     evaluate: Callable[[FloatArray], InnovationSequence], x: FloatArray, now: InnovationSequence
 ) -> _Derivatives:
-    """Numerical derivatives, one evaluation for each parameter."""
-    value, spread = np.empty((2, now.value.size, x.size))
+    """Numerical derivatives, one evaluation for each parameter, two where it turns an order.
+
+    Innovations of measurements at nearly one time depend on which comes first: a time offset is
+    moved to the side that leaves their order as it is.
+    """
+    value, spread = np.zeros((2, now.value.size, x.size))
     for k in range(x.size):
-        moved = x.copy()
-        moved[k] += DERIVATIVE_STEP
-        there = evaluate(moved)
-        value[:, k] = (there.value - now.value) / DERIVATIVE_STEP
-        spread[:, k] = np.log(there.variance / now.variance) / DERIVATIVE_STEP
-    return _Derivatives(value, spread)
+        for step in (DERIVATIVE_STEP, -DERIVATIVE_STEP):
+            moved = x.copy()
+            moved[k] += step
+            there = evaluate(moved)
+            # measurements of one of them only say nothing
+            _, here, same = np.intersect1d(now.key, there.key, return_indices=True)
+            if np.array_equal(now.select(here).order, there.select(same).order):
+                break
+        value[here, k] = (there.value[same] - now.value[here]) / step
+        spread[here, k] = np.log(there.variance[same] / now.variance[here]) / step
+    return _Derivatives(value, spread, now.key)
