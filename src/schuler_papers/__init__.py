@@ -37,7 +37,8 @@ has to lie: ``band: [low, high]``, ``near: [value, slack]``, or from the printed
 (relative) or ``around`` (absolute), else a band of that name that the judge computed; who says so:
 ``from`` spec, theory or frozen, with a ``note``; ``errors`` (standard errors that widen the band);
 ``error`` (standard deviation of the printed number); ``kind`` arithmetic or setting; ``against``
-(the band contradicts the words); ``proof`` (one that the judge ran); ``because``, ``slip``;
+(the band contradicts the words); ``proof`` (one that the judge ran) or ``identity`` (the sentence
+that the row's own arithmetic proves); ``because``, ``slip``;
 ``quick`` and ``full`` (what differs by size), ``only`` (one size); ``for`` and ``each`` (many rows
 at once). A table has ``lines``, ``columns`` and ``printed`` cell by cell as well; cells with a
 ``forecast`` (relative width) get their band from `benchmarks.forecast`: the mean of many draws, in

@@ -32,13 +32,13 @@ from schuler_papers.experiment import (
     Size,
     stacked,
 )
-from schuler_papers.outcome import Band, Estimate, Outcome, Panel, Proof, Row, Sheet
+from schuler_papers.outcome import Band, Digits, Estimate, Outcome, Panel, Proof, Row, Sheet
 
 Value = FloatArray | Estimate | float | str
 _ROW_KEYS = {
     "is", "at", "of", "printed", "derived", "unit", "band", "within", "around", "near", "from",
-    "note", "errors", "because", "slip", "proof", "against", "kind", "error", "for", "each",
-    "quick", "full", "only", "forecast",
+    "note", "errors", "because", "slip", "proof", "identity", "against", "kind", "error", "for",
+    "each", "quick", "full", "only", "forecast",
 }  # fmt: skip
 _TABLE_KEYS = _ROW_KEYS | {"title", "corner", "lines", "columns"}
 _OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
@@ -98,7 +98,21 @@ def load_experiments(package: str) -> tuple[Experiment, ...]:
     """Read the experiments of a paper from the YAML file in its package."""
     paper = package.rpartition(".")[2]
     text = files(package).joinpath("paper.yaml").read_text(encoding="utf-8")
-    return tuple(_experiment(package, paper, entry) for entry in yaml.safe_load(text))
+    return tuple(_experiment(package, paper, entry) for entry in yaml.load(text, _Loader))
+
+
+class _Loader(yaml.SafeLoader):
+    """Numbers keep their digits."""
+
+
+_Loader.add_constructor(
+    "tag:yaml.org,2002:float", lambda loader, node: _number(loader.construct_scalar(node))
+)
+
+
+def _number(text: str) -> float:
+    """A number as it is written; infinities are none of a paper."""
+    return math.copysign(math.inf, -(text[0] == "-")) if "inf" in text else Digits(text)
 
 
 def _experiment(package: str, paper: str, entry: dict[str, Any]) -> Experiment:
@@ -180,22 +194,38 @@ def _row(
     printed, derived = _printed(spec, key, index, found)
     role: Literal["", "arithmetic", "setting"] = spec.get("kind", "")
     error = spec.get("error")
-    proof = spec.get("proof")
+    band = _band(spec, key, index, printed, found)
     return Row(
         spec["of"].format(**names),
         ours,
         printed,
         spec.get("unit", ""),
-        _band(spec, key, index, printed, found),
+        band,
         math.nan if error is None else float(error),
         scatter,
         role,
         derived,
         bool(spec.get("against", False)),
-        None if proof is None else found.proofs[str(proof).format(**names)],
+        _proof(spec, names, ours, band, found),
         spec.get("because", ""),
         spec.get("slip", ""),
     )
+
+
+def _proof(
+    spec: Mapping[str, Any],
+    names: Mapping[str, Any],
+    ours: Estimate | float | str,
+    band: Band | None,
+    found: Found,
+) -> Proof | None:
+    """One that the judge ran, or arithmetic of printed numbers that is an identity by itself."""
+    if (statement := spec.get("identity")) is not None:
+        assert band is not None
+        assert not isinstance(ours, str)
+        return Proof(str(statement).format(**names), ours, band.low, band.high)
+    proof = spec.get("proof")
+    return None if proof is None else found.proofs[str(proof).format(**names)]
 
 
 def _value(value: Value, at: Any) -> tuple[Estimate | float | str, tuple[int, ...]]:
@@ -227,7 +257,7 @@ def _printed(
     printed = spec.get("printed", _part(found.printed.get(key), index))
     if printed is None or isinstance(printed, str):
         return printed, False
-    return float(printed), False
+    return printed if isinstance(printed, Digits) else float(printed), False
 
 
 def _band(

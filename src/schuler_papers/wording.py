@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from schuler.report import MISSING, with_error
-from schuler_papers.outcome import VERDICTS, Band, Outcome, Row, Sheet
+from schuler_papers.outcome import VERDICTS, Band, Digits, Outcome, Row, Sheet
 from schuler_papers.reproduction import ItemResult
 
 SOURCES = {"spec": "specification", "theory": "theory", "frozen": "forecast"}
@@ -112,6 +112,8 @@ def printed_text(row: Row, *, unit: bool = True) -> str:
     if isinstance(row.printed, str):
         return row.printed
     text = short(row.printed, 4 if row.derived else 6)
+    if isinstance(row.printed, Digits) and "e" not in row.printed.text:
+        text = row.printed.text.replace("-", "−")
     if math.isfinite(row.printed_error):
         text += f" ± {short(row.printed_error, 2)}"
     text = _with_unit(text, row.unit if unit else "")

@@ -22,7 +22,7 @@ from schuler_papers import (
     numbers,
     stacked,
 )
-from schuler_papers.outcome import rounding
+from schuler_papers.outcome import Digits, rounding
 from schuler_papers.registry import find_paper
 
 
@@ -58,7 +58,9 @@ FORECAST = Band(0.9, 1.1, "frozen", "1.0, mean of 64 draws", 3.0)
         (Row("x", 1.0, 3.0, band=WIDE, proof=HELD), "wrong in the paper", "printed"),
         (Row("x", 1.0, 3.0, band=WIDE, proof=FAILED), "not met", "printed"),
         (Row("x", 1.0, 1.05, band=NARROW, proof=HELD), "reproduced", "printed"),
-        (Row("x", 1.0, 3.0, band=WIDE, role="arithmetic"), "wrong in the paper", "arithmetic"),
+        # arithmetic is no proof by itself, and what follows from printed numbers has no last digit
+        (Row("x", 1.0, 3.0, band=WIDE, role="arithmetic"), "not met", "arithmetic"),
+        (Row("x", 1.38, 1.0, band=Band(1.33, 1.45), derived=True), "not met", "printed"),
         (Row("x", 1.0, 3.0), "shown", "shown"),
         (Row("x", 1.0, 1.1, printed_error=0.06), "reproduced", "printed"),
         (Row("x", 1.0, 1.5, printed_error=0.3), "reproduced", "printed"),
@@ -87,6 +89,10 @@ def test_the_verdict_follows_from_the_numbers(row: Row, verdict: str, kind: str)
 def test_a_printed_number_is_as_sure_as_its_last_digit() -> None:
     for printed, half in ((0.0155, 5e-5), (92.0, 0.5), (5e-9, 5e-10), (2.12e-2, 5e-5), (-37, 0.5)):
         assert rounding(printed) == pytest.approx(half), printed
+    # YAML wants a point in 5.0e-9; elsewhere a zero that is printed is a digit
+    for text, half in (("0.30", 5e-3), ("2.40", 5e-3), ("5.0e-9", 5e-10), ("1.10e-2", 5e-5)):
+        assert rounding(Digits(text)) == pytest.approx(half), text
+        assert Digits(text) == float(text)
 
 
 def test_estimate_is_the_mean_with_the_error_of_the_mean() -> None:

@@ -211,7 +211,6 @@ def arithmetic(results: Results, size: Size) -> Found:
     }
     proofs = {
         "worst attitude": Proof("Table 2 prints an attitude above 1 deg", worst, 1.005, np.inf),
-        "skew": Proof("A'A = 4 I for four full triads in any directions", skew, 0.0, 1e-12),
         "two triads": Proof(
             "two aligned triads have three redundant axes, and a step of 5 σ raises an alarm",
             power, 2.0 * FALSE_ALARM, 1.0, "counter-experiment",

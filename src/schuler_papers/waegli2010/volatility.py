@@ -108,10 +108,6 @@ def _proofs(results: Results) -> dict[str, Proof]:
             "with 3(2T+1)(n-1) degrees of freedom the same estimate is unbiased",
             right, 0.98, 1.02, "counter-experiment",
         ),
-        "double mean": Proof(
-            "residuals against their mean sum to zero",
-            float(stacked(results, "double_mean").max()), 0.0, 1e-14,
-        ),
     }  # fmt: skip
 
 
