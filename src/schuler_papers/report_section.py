@@ -119,25 +119,26 @@ def _overview(result: Reproduction, papers: list[Paper]) -> Section:
     everything = counts_of(result.items)
     by_paper = [counts_of([r for r in result.items if r.paper.name == p.name]) for p in papers]
     rows: list[tuple[str, ...]] = [
-        (verdict, meaning, *(str(c.verdicts[verdict] or MISSING) for c in by_paper))
+        (verdict, *(str(c.verdicts[verdict] or MISSING) for c in by_paper), meaning)
         for verdict, meaning in VERDICTS.items()
         if everything.verdicts[verdict]
     ]
     counted = (
-        ("values with a band, inside it", [f"{c.inside} of {c.banded}" for c in by_paper]),
-        ("printed numbers compared, met", [f"{c.met} of {c.printed}" for c in by_paper]),
+        ("values inside their band", [f"{c.inside} of {c.banded}" for c in by_paper], ""),
+        ("printed numbers met", [f"{c.met} of {c.printed}" for c in by_paper], ""),
         (
-            "within a quarter or their own error, met",
+            "of these narrow ones",
             [f"{c.close} of {c.narrow}" for c in by_paper],
+            "compared within a quarter, or within their own printed error",
         ),
-        ("arithmetic on printed numbers", [str(c.kinds["arithmetic"]) for c in by_paper]),
+        ("arithmetic", [str(c.kinds["arithmetic"]) for c in by_paper], "on printed numbers"),
     )
-    rows += [(name, "", *cells) for name, cells in counted]
+    rows += [(name, *cells, meaning) for name, cells, meaning in counted]
     costs = [
         sum(e.cpu_seconds for (name, _), e in result.efforts.items() if name == paper.name)
         for paper in papers
     ]
-    rows.append(("CPU time", "", *map(duration, costs)))
+    rows.append(("CPU time", *map(duration, costs), ""))
     blocks: list[Block] = [
         Prose(
             "Each experiment of the papers is built out of this library and run on simulated data "
@@ -147,9 +148,9 @@ def _overview(result: Reproduction, papers: list[Paper]) -> Section:
         ),
         Table(
             f"{everything.values} values, by verdict",
-            ("", "meaning", *(f"{paper.name} ({paper.label})" for paper in papers)),
+            ("", *(paper.label for paper in papers), "meaning"),
             tuple(rows),
-            words=(0, 1),
+            words=(0, 1 + len(papers)),
         ),
     ]
     if result.left_out:
