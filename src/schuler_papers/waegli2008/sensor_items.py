@@ -24,9 +24,9 @@ from schuler import (
 )
 from schuler_papers.experiment import FloatArray, Numbers, Results, Size, numbers, stacked
 from schuler_papers.judging import Found, Value, plain
-from schuler_papers.outcome import Curve, Panel, Proof
+from schuler_papers.outcome import Curve, Panel, Proof, Role
 from schuler_papers.waegli2008.items import TABLE_2, TABLE_3
-from schuler_papers.waegli2008.rides import GYRO_SD, mti
+from schuler_papers.waegli2008.rides import GYRO_SD, RATE, mti
 from schuler_papers.waegli2008.sensors import FALSE_ALARM, FREEDOM, PRINTED_THRESHOLD
 
 
@@ -125,7 +125,30 @@ def figure_7(results: Results, size: Size) -> Found:
         ),
         "Hardly below one anywhere: labelling tails as faults is no experiment with faults.",
     )  # fmt: skip
-    return Found(values, panels=(panel,))
+    return Found(values, panels=(_decisions(first, tails[1]), panel))
+
+
+def _decisions(first: Numbers, threshold: float) -> Panel:
+    """The decision variable epoch by epoch, and what a threshold makes of it."""
+    value, fault = first["shown_statistic"], first["shown_fault"] > 0.5
+    time, alarm = np.arange(value.size) / RATE, value >= threshold
+    kinds = {"fault found": fault & alarm, "fault missed": fault & ~alarm,
+             "false alarm": alarm & ~fault}  # fmt: skip
+    roles: tuple[Role, ...] = ("better", "printed", "paper")
+    return Panel(
+        "Decision variable and the best threshold, noise with tails",
+        "s",
+        "D in rad²/s²",
+        (
+            Curve("D", time, value, "other"),
+            Curve("threshold", time, np.full(value.size, threshold), "theory", "dash"),
+            *(
+                Curve(name, time[at], value[at], role, "points")
+                for (name, at), role in zip(kinds.items(), roles, strict=True)
+            ),
+        ),
+        "Most of what is called a fault stays below the threshold.",
+    )
 
 
 def equation_12(results: Results, size: Size) -> Found:
