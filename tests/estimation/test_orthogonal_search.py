@@ -15,6 +15,7 @@ from schuler.errors import InputError, SchulerError
 from schuler.estimation.autoregressive.fit import fit_ar
 from schuler.estimation.orthogonal_search.protocol import search_by_protocol
 from schuler.estimation.orthogonal_search.search import FosFit, fast_orthogonal_search
+from schuler.estimation.products import _threads_of_blas, one_blas_thread
 
 FloatArray = NDArray[np.float64]
 
@@ -365,3 +366,18 @@ def test_outlier_and_ramp() -> None:
     fit = fast_orthogonal_search(ramp, 3, 2, stopping=None)
     assert fit.training_mean_square_error >= 0.0
     assert "rounding" in fit.flags
+
+
+def test_blas_has_one_thread_inside_and_its_own_number_again_after() -> None:
+    found = _threads_of_blas()
+    if found is None:
+        pytest.skip("NumPy brings no OpenBLAS here")
+    tell, set_to = found
+    before = tell()
+    set_to(2)
+    try:
+        with one_blas_thread(), one_blas_thread():
+            assert tell() == 1
+        assert tell() == 2
+    finally:
+        set_to(before)

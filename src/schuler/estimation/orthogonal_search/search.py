@@ -25,7 +25,7 @@ from schuler.estimation.orthogonal_search.candidates import (
     gather,
 )
 from schuler.estimation.orthogonal_search.result import FosFit, RankedTerm, Term, term_name
-from schuler.estimation.products import dot
+from schuler.estimation.products import dot, one_blas_thread
 from schuler.types import FloatArray
 
 __all__ = ["FosFit", "RankedTerm", "Stopping", "fast_orthogonal_search"]
@@ -130,13 +130,16 @@ def fast_orthogonal_search(
     most = candidates.count if max_terms is None else min(max_terms, candidates.count)
     signals = gather(signal, inputs, fewest=candidates.memory + 2 * most + 10)
     first = candidates.memory
-    gram, _, samples = centred_gram(signals.blocks(candidates, first), candidates.count + 1)
-    if not gram[-1, -1] > 0.0:
-        raise EstimationError("the signal does not vary behind its first samples", expected="noise")
-    threshold = _threshold(stopping, significance, candidates.count, samples)
-    search = _choose(gram, samples, most, threshold, tolerance)
-    kept = _pruned(gram, search.chosen, samples, threshold) if prune else search.chosen
-    fit = _solve(signals, candidates, search, kept, gram, samples)
+    with one_blas_thread():
+        gram, _, samples = centred_gram(signals.blocks(candidates, first), candidates.count + 1)
+        if not gram[-1, -1] > 0.0:
+            raise EstimationError(
+                "the signal does not vary behind its first samples", expected="noise"
+            )
+        threshold = _threshold(stopping, significance, candidates.count, samples)
+        search = _choose(gram, samples, most, threshold, tolerance)
+        kept = _pruned(gram, search.chosen, samples, threshold) if prune else search.chosen
+        fit = _solve(signals, candidates, search, kept, gram, samples)
     if held_out is None:
         return fit
     errors = fit.residuals(held_out, held_out_inputs)
@@ -296,8 +299,6 @@ def _least_squares(
     signals: Signals, few: Candidates, first: int, gram: FloatArray, chosen: Sequence[int]
 ) -> tuple[FloatArray, float, FloatArray]:
     """Weights, constant and inverse of the centred Gram matrix, in scaled units."""
-    from scipy.linalg import solve_triangular
-
     if not chosen:
         signal = signals.values[0, first:]
         return np.zeros(0), float(signal.mean()), np.zeros((0, 0))
@@ -307,16 +308,15 @@ def _least_squares(
     spread = np.linalg.eigvalsh(block / np.outer(root, root))
     if spread[0] * _LARGEST_CONDITION > spread[-1]:
         lower = np.linalg.cholesky(block)
-        half = solve_triangular(lower, gram[index, -1], lower=True)
-        weights = np.asarray(solve_triangular(lower.T, half))
-        upper_inverse = np.asarray(solve_triangular(lower, np.eye(index.size), lower=True)).T
+        weights = np.linalg.solve(lower.T, np.linalg.solve(lower, gram[index, -1]))
+        upper_inverse = np.linalg.inv(lower).T
         means = _means(signals, few, first)
         return weights, float(means[-1] - weights @ means[:-1]), upper_inverse @ upper_inverse.T
     rows = (part.T for part in signals.blocks(few, first))
     triangle = triangular_factor(rows, few.count + 2)
     upper = triangle[:-1, :-1]
-    solution = np.asarray(solve_triangular(upper, triangle[:-1, -1]))
-    upper_inverse = np.asarray(solve_triangular(upper, np.eye(len(upper))))[1:, 1:]
+    solution = np.linalg.solve(upper, triangle[:-1, -1])
+    upper_inverse = np.linalg.inv(upper)[1:, 1:]
     return solution[1:], float(solution[0]), upper_inverse @ upper_inverse.T
 
 
