@@ -105,14 +105,13 @@ class _Loader(yaml.SafeLoader):
     """Numbers keep their digits."""
 
 
-_Loader.add_constructor(
-    "tag:yaml.org,2002:float", lambda loader, node: _number(loader.construct_scalar(node))
-)
-
-
-def _number(text: str) -> float:
+def _number(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
     """A number as it is written; infinities are none of a paper."""
+    text = str(loader.construct_scalar(node))
     return math.copysign(math.inf, -(text[0] == "-")) if "inf" in text else Digits(text)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:float", _number)
 
 
 def _experiment(package: str, paper: str, entry: dict[str, Any]) -> Experiment:

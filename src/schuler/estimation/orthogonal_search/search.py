@@ -315,8 +315,8 @@ def _least_squares(
     rows = (part.T for part in signals.blocks(few, first))
     triangle = triangular_factor(rows, few.count + 2)
     upper = triangle[:-1, :-1]
-    solution = np.linalg.solve(upper, triangle[:-1, -1])
-    upper_inverse = np.linalg.inv(upper)[1:, 1:]
+    solution = np.asarray(np.linalg.solve(upper, triangle[:-1, -1]), dtype=np.float64)
+    upper_inverse = np.asarray(np.linalg.inv(upper), dtype=np.float64)[1:, 1:]
     return solution[1:], float(solution[0]), upper_inverse @ upper_inverse.T
 
 
