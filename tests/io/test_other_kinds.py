@@ -77,3 +77,54 @@ def test_longitudes_up_to_360_degrees(tmp_path: Path) -> None:
     path.write_text("\n".join(["time_s,lat_deg,lon_deg,height_m", *rows]))
     found = np.degrees(read_gnss(path).position[:, 1])
     assert found == pytest.approx((-0.01, -0.005, 0.0, 0.005), abs=1e-9)
+
+
+def _recorded(tmp_path: Path, content: bytes, name: str = "log.csv") -> np.ndarray:
+    path = tmp_path / name
+    path.write_bytes(content)
+    imu = read_imu(path)
+    assert np.allclose(np.diff(imu.time), 0.01, atol=1e-6)
+    assert np.allclose(imu.accel[:, 2], 9.8)
+    return np.degrees(imu.gyro)
+
+
+NAMES = "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
+PLAIN = TABLE.replace("0,0,9.8", "0.1,0.2,9.8")
+SI = PLAIN.replace("gx,gy,gz,ax,ay,az", NAMES)
+    "gx,gy,gz,ax,ay,az", "gx_rad_s,gy_rad_s,gz_rad_s,ax_m_s2,ay_m_s2,az_m_s2"
+)
+
+
+def test_zero_bytes_that_a_power_failure_left_are_left_out_and_said(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(SI.encode() + bytes(70_000))
+    imu = read_imu(path)
+    assert imu.size == 9
+    assert any("70000 zero bytes" in line for line in imu.assumptions)
+
+
+def test_units_that_were_encoded_twice(tmp_path: Path) -> None:
+    names = "Time (s),GyroX (°/s),GyroY (°/s),GyroZ (°/s),AccX (m/s²),AccY (m/s²),AccZ (m/s²)"
+    twice = PLAIN.replace("time_s,gx,gy,gz,ax,ay,az", names).encode().decode("latin-1").encode()
+    assert np.allclose(_recorded(tmp_path, twice), (0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("name", ["ts", "Time since start in ms "])
+def test_time_by_other_names(tmp_path: Path, name: str) -> None:
+    rows = SI.splitlines()[1:]
+    table = SI.splitlines()[0].replace("time_s", name) + "\n"
+    table += "".join(f"{10 * k}{row[row.index(',') :]}\n" for k, row in enumerate(rows))
+    assert np.allclose(_recorded(tmp_path, table.encode()), np.degrees((0.1, 0.2, 0.3)))
+
+
+def test_gravity_and_acceleration_without_it_are_not_dropped_in_silence(tmp_path: Path) -> None:
+    names = "t_s,rx_rad_s,ry_rad_s,rz_rad_s,gravityX,gravityY,gravityZ," + ",".join(
+        f"userAcceleration{a}" for a in "XYZ"
+    )
+    path = tmp_path / "phone.csv"
+    names = names.replace("rx_", "gyro_x_").replace("ry_", "gyro_y_").replace("rz_", "gyro_z_")
+    rows = "".join(f"{k / 100},0.1,0.2,0.3,0,0,-1,0,0,0\n" for k in range(9))
+    path.write_text(f"{names}\n{rows}", encoding="utf-8")
+    with pytest.raises(InputError, match="two parts"):
+        read_imu(path)
+    assert read_imu(path, columns={"accel_x": None}).size == 9

@@ -42,6 +42,7 @@ _TIMES = (
     "timestamp",
     "stamp",
     "t",
+    "ts",
     "unixtime",
     "utcunix",
     "elapsed",
@@ -75,6 +76,7 @@ _TICKS = re.compile(
     r"(?:unix|utc|gps|sensor|elapsedrealtime|sample|event|epoch|system|boot|time|timestamp|t)*"
     r"(?P<unit>nanos|nanoseconds|nanosecond|nsec|ns|micros|microseconds|microsecond|usec|us|millis"
     r"|milliseconds|millisecond|msec|ms)(?:sincestart|sinceboot|elapsed)?"
+    r"|time(?:sincestart|sinceboot|elapsed)in(?P<behind>ms|us|ns)"
 )
 _TICK_UNITS = {"n": "ns", "mic": "us", "u": "us", "mil": "ms", "ms": "ms"}
 _LATE_TIME = re.compile(r".*time(?:stamp)?(?:unix|sync|sys|utc|gps)?(?:cal|raw)?")
@@ -267,7 +269,8 @@ def _complete_time(
         whole = bare(name)
         match = _TICKS.fullmatch(whole) or _TICKS.fullmatch(bare(stem))
         if match:
-            ticks = next(u for k, u in _TICK_UNITS.items() if match["unit"].startswith(k))
+            written = match["unit"] or match["behind"]
+            ticks = next(u for k, u in _TICK_UNITS.items() if written.startswith(k))
             found["time"] = Column("time", name, stated.get(name, unit or ticks))
             return
     behind = [n for n, (stem, _) in parts.items() if _LATE_TIME.fullmatch(bare(stem))]

@@ -58,6 +58,7 @@ class Start:
         data = self.bytes
         if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
             return data[: len(data) // 2 * 2].decode("utf-16", errors="replace").splitlines()
+        data = data.rstrip(b"\0")  # left where the power failed
         if b"\0" in data:
             return []
         return data.decode("utf-8-sig", errors="replace").splitlines()

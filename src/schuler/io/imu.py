@@ -25,6 +25,7 @@ from schuler.io.clock import (
 from schuler.io.columns import (
     IMU_ROLES,
     Column,
+    bare,
     imu_numbers,
     missing,
     names_of_imu,
@@ -103,6 +104,20 @@ def _noted(recording: ImuRecording, *notes: str) -> ImuRecording:
     )
 
 
+def _refuse_parted(source: Source, names: tuple[str, ...]) -> None:
+    """Refuse what phones make of their accelerometers: gravity, and acceleration without it."""
+    bares = {n: bare(n) for n in names}
+    gravity = [n for n, b in bares.items() if "gravity" in b]
+    rest = [n for n, b in bares.items() if re.search("(?:user|linear)acc", b)]
+    if len(gravity) >= 3 and len(rest) >= 3:
+        raise InputError(
+            f"the accelerometers stand in two parts: {gravity[0]}, ... and {rest[0]}, ...",
+            expected="what they measured, which is the sum of both",
+            cure="add them, or leave the accelerometers out with columns={'accel_x': None}",
+            where=str(source.path),
+        )
+
+
 def _notes(
     source: Source, names: tuple[str, ...], chosen: dict[str, Column], options: ReadOptions
 ) -> Notes:
@@ -123,6 +138,8 @@ def _notes(
                 f"leave the sensor out with columns={{'{sensor}_x': None}}",
                 where=str(source.path),
             )
+        if sensor == "accel" and not (there or refused):
+            _refuse_parted(source, names)
         if left:
             notes.assumed(f"not used, though with a unit of {kind}: {shown}")
     lacking = [s for s in ("gyro", "accel")

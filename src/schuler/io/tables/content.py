@@ -56,6 +56,10 @@ def content_of(path: Path) -> Content:
         text = path.read_bytes().decode(wide, errors="replace").lstrip("\ufeff")
         data = _plain_ends(text.encode())
         return Content(path, data, (f"decoded from {wide.upper()}",))
+    zeros = _zeros_at_end(path)
+    if zeros:
+        data, said = path.read_bytes()[:-zeros], f"left out {zeros} zero bytes at the end"
+        return Content(path, _plain_ends(data), (f"{said}: the power failed while it was written",))
     if b"\r\r\n" in sample or (b"\r" in sample and b"\n" not in sample):
         word = "CR CR LF" if b"\n" in sample else "CR"
         return Content(path, _plain_ends(path.read_bytes()), (f"ends of lines are {word}",))
@@ -74,6 +78,21 @@ def _wide_encoding(sample: bytes) -> str:
     if len(odd) > 20 and even.count(0) > 0.95 * len(even) and not odd.count(0):
         return "utf-16-be"
     return ""
+
+
+def _zeros_at_end(path: Path) -> int:
+    """Count the zero bytes that a card without power leaves where lines should have come."""
+    with path.open("rb") as stream:
+        end = stream.seek(0, 2)
+        zeros = 0
+        while zeros < end:
+            stream.seek(max(end - zeros - _SAMPLE, 0))
+            piece = stream.read(min(_SAMPLE, end - zeros))
+            found = len(piece) - len(piece.rstrip(b"\0"))
+            zeros += found
+            if found < len(piece):
+                break
+    return zeros
 
 
 def _plain_ends(data: bytes) -> bytes:

@@ -106,6 +106,8 @@ def head(content: Content) -> list[str]:
         text = data.decode("latin-1")  # where the degree sign of old loggers is one byte
     else:
         text = data.decode("utf-8-sig", errors="replace")
+    # UTF-8 that some program took for Latin-1 and wrote as UTF-8 once more
+    text = text.replace("Â°", "°").replace("Â²", "²").replace("Â³", "³")
     lines = text.split("\n")
     lines = [x.removesuffix("\r") for x in lines]
     return lines[:-1] if len(lines) > 1 and (more or not lines[-1]) else lines

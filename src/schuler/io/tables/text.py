@@ -329,7 +329,8 @@ def open_text(path: Path, options: TextOptions) -> TextSource:
     """Open a text file: find its layout and check that its end is not cut off."""
     content = content_of(path)
     layout = find_layout(content, options)
-    source = TextSource(content, layout, content.notes)
+    left_out = tuple(n for n in content.notes if n.startswith("left out"))
+    source = TextSource(content, layout, content.notes, left_out)
     reason = _cut_off(content, layout)
     if not reason:
         return source
@@ -343,7 +344,7 @@ def open_text(path: Path, options: TextOptions) -> TextSource:
         )
     end = content.whole().rfind(b"\n") + 1
     said = "left out the last line, which was cut off"
-    return replace(source, history=(*content.notes, said), assumptions=(said,), end=end)
+    return replace(source, history=(*content.notes, said), assumptions=(*left_out, said), end=end)
 
 
 def text_parts(path: Path, what: What, options: ReadOptions, rows: int) -> Iterator[TextSource]:
