@@ -91,8 +91,6 @@ def _recorded(tmp_path: Path, content: bytes, name: str = "log.csv") -> np.ndarr
 NAMES = "gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
 PLAIN = TABLE.replace("0,0,9.8", "0.1,0.2,9.8")
 SI = PLAIN.replace("gx,gy,gz,ax,ay,az", NAMES)
-    "gx,gy,gz,ax,ay,az", "gx_rad_s,gy_rad_s,gz_rad_s,ax_m_s2,ay_m_s2,az_m_s2"
-)
 
 
 def test_zero_bytes_that_a_power_failure_left_are_left_out_and_said(tmp_path: Path) -> None:
