@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ from test_array_faults import BEGIN, DEGREE, TOLD, heading_and_position, hurt, n
 
 from schuler.data import GnssRecording, ImuArray
 from schuler.errors import InputError
+from schuler.navigation.mechanizations.array_faults import ArrayFaults
 from schuler.navigation.mechanizations.array_preparation import prepare_array
 from schuler.navigation.mechanizations.array_stream import ArrayFilter
 from schuler.navigation.mechanizations.navigate_array import run_mechanization
+from schuler.navigation.mechanizations.sensor_table import Absence
 from schuler.rotations import rotation_vector_from_dcm
 
 
@@ -87,3 +90,38 @@ def test_silent_imus_and_bad_samples() -> None:
     for k in range(301, 1301):
         live.add_array(array.time[k], array.gyro[k], array.accel[k])
     assert clock.perf_counter() - begin < 2.0
+
+
+def test_a_second_unit_fails_after_the_first_is_forgiven_and_one_was_silent_in_between() -> None:
+    array, gnss, truth = ride()
+    gyro, accel = hurt(array, stop=BEGIN + 3.0).gyro.copy(), array.accel.copy()
+    second = BEGIN + 25.0
+    gyro[array.time >= second, 1] -= 2.0 * DEGREE
+    # silent just before the second onset: going back must not take its zeros for values
+    quiet = (array.time >= second - 0.6) & (array.time < second - 0.2)
+    gyro[quiet, 2], accel[quiet, 2] = np.nan, np.nan
+    broken = replace(array, gyro=gyro, accel=accel)
+    live, turned = streamed(broken, gnss)
+    first, unit = live.absences
+    assert first.record.name == "imu 4 x" and first.record.stop is not None
+    assert BEGIN + 3.0 < first.record.stop < second + 15.0
+    assert unit.record.name == "imu 2" and unit.record.stop is None
+    assert second - 0.6 < unit.onset <= second < unit.record.start < second + 0.5
+    assert live.out[1, 3:6].all() and not live.out[0].any()
+    absences = (Absence(1, (9,), -np.inf, np.inf), Absence(1, (3, 4, 5), -np.inf, np.inf))
+    oracle = prepare_array(array, gnss, noise(), TOLD, faults=ArrayFaults(absences=absences))
+    never = run_mechanization(oracle, gnss, "extended").solution
+    assert heading_rms(turned) < 1.2 * heading_and_position(never, truth)[0] + 0.05 * DEGREE
+
+
+def test_a_unit_that_stays_silent_costs_what_it_would_have_brought_and_comes_back() -> None:
+    array, gnss, _ = ride()
+    gyro, accel = array.gyro.copy(), array.accel.copy()
+    gone = (array.time >= 40.0) & (array.time < 60.0)
+    gyro[gone, 0], accel[gone, 0] = np.nan, np.nan
+    live, turned = streamed(replace(array, gyro=gyro, accel=accel), gnss)
+    assert not live.absences and not live.out.any()
+    _, whole = streamed(array, gnss)
+    off = rotation_vector_from_dcm(turned @ whole.transpose(0, 2, 1))
+    assert np.abs(off[array.time < 40.0]).max() == 0.0
+    assert 1e-6 < np.abs(off).max() < 0.3 * DEGREE

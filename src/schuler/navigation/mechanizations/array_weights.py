@@ -43,14 +43,17 @@ def followed_variances(
     *,
     relative: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return times (q,) and squared densities (q, 2, 3 k) of all sensors, from the past of each.
+    """Return times (q,) and squared densities (q, 2, 3 k) of all sensors, row by row.
 
+    A row counts with what was known at its end: noise that begins with it would otherwise be
+    believed in for seconds, and an outage that begins there as well claim far too little.
     Samples of sensors that are out are missing. `relative`: the level of the models is kept, and
     only its changes and differences are taken from the samples. Otherwise the samples count, but
     never less than the models: a low-pass in a sensor makes its samples look better than they are.
     """
     row = max(round(ROW * array.rate), 1)
     begins = np.arange(0, array.size, row)
+    ends = np.minimum(begins + row, array.size - 1)
     told = white_variances(models)
     found = np.empty((begins.size, 2, 3 * array.count))
     rate: FloatArray | None = None
@@ -66,7 +69,7 @@ def followed_variances(
             sampled = _garch(sensors, settings, tensor)
             variance = np.add.reduceat(sampled, begins) / np.diff([*begins, array.size])[:, None]
         else:
-            variance = followed.variance[begins // followed.block]
+            variance = followed.variance[ends // followed.block]
         ratio = variance / array.rate / told[kind]
         if weights == "averaged_volatility":
             ratio = np.broadcast_to(ratio.mean(axis=1, keepdims=True), ratio.shape)
