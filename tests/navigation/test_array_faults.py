@@ -15,6 +15,7 @@ from schuler.navigation.aiding.parity import Parity
 from schuler.navigation.mechanizations.array_faults import ArrayFaults
 from schuler.navigation.mechanizations.array_model import extended_model, white_variances
 from schuler.navigation.mechanizations.array_preparation import PreparedArray, prepare_array
+from schuler.navigation.mechanizations.array_weights import followed_variances
 from schuler.navigation.mechanizations.navigate_array import (
     Mechanization,
     navigate_array,
@@ -228,3 +229,20 @@ def test_a_unit_that_becomes_noisy_counts_less_and_the_claims_stay_honest() -> N
     ours, theirs = (heading_and_position(s, truth)[0] for s in (followed, constant))
     assert ours < 0.7 * theirs
     assert 0.85 < followed.innovations.gnss.mean_nis < 1.15
+
+
+def test_noise_that_begins_counts_from_its_first_row_on() -> None:
+    array, _, _ = ride()
+    loud = (
+        np.random.default_rng(5).standard_normal(array.gyro.shape)
+        * (array.time >= BEGIN)[:, None, None]
+    )
+    changed = replace(array, gyro=array.gyro + np.sqrt(24.0 * RATE) * 1e-3 * loud)
+    models = prepared(False).models
+    time, variance = followed_variances(changed, models, "ewma", relative=False)
+    factor = (variance / white_variances(models))[:, 1].mean(axis=1)
+    begin = int(np.searchsorted(time, BEGIN - 1e-9))
+    assert factor[begin - 1] < 1.5
+    # 25 in the end; what was known at the beginning of the row would make it 1
+    assert factor[begin] > 10.0
+    assert np.all(np.abs(factor[begin + 2 :] / 25.0 - 1.0) < 0.3)
