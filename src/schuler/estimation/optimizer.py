@@ -127,11 +127,15 @@ def minimise(
         free = np.ones(here.size, dtype=bool)
         if rules.hold:
             free = ~(((here <= low) & (at.pull <= 0.0)) | ((here >= high) & (at.pull >= 0.0)))
-        if rules.close and promise(at.pull, at.curvature, free, rules) < rules.close:
+        undamped = damped_step(at.pull, at.curvature, 0.0, free, rules) if rules.close else None
+        if undamped is not None and promised_by(undamped, at.pull, at.curvature) < rules.close:
             return Minimum(here, at, True)
         there = None
         for tried in LADDER if rules.ladder else (damping,):
-            trial = go(here, damped_step(at.pull, at.curvature, tried, free, rules))
+            step = undamped if tried == 0.0 else None
+            if step is None:
+                step = damped_step(at.pull, at.curvature, tried, free, rules)
+            trial = go(here, step)
             there = None if trial is None else evaluate(trial)
             if there is not None and _better(there.value, at.value, rules):
                 break
@@ -155,13 +159,16 @@ def _better(there: float, here: float, rules: Rules) -> bool:
     return math.isfinite(there) and there <= here + rules.rounding * abs(here)
 
 
-def promise(
-    pull: FloatArray, curvature: FloatArray, free: NDArray[np.bool_], rules: Rules | None = None
-) -> float:
+def promise(pull: FloatArray, curvature: FloatArray, free: NDArray[np.bool_]) -> float:
     """What an undamped step promises: squared distance in standard errors, Newton's decrement."""
+    return promised_by(damped_step(pull, curvature, 0.0, free), pull, curvature)
+
+
+def promised_by(step: FloatArray, pull: FloatArray, curvature: FloatArray) -> float:
+    """The same of an undamped step that is at hand; infinite where the slopes are not finite."""
     if not (np.isfinite(pull).all() and np.isfinite(curvature).all()):
         return math.inf
-    return float(pull @ damped_step(pull, curvature, 0.0, free, rules))
+    return float(pull @ step)
 
 
 def damped_step(
@@ -183,7 +190,10 @@ def damped_step(
     if rules is None or rules.ladder:
         scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
         unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
-        step[rows] = scale * np.linalg.lstsq(unit, scale * pull[rows], rcond=1e-15)[0]
+        try:
+            step[rows] = scale * np.linalg.solve(unit, scale * pull[rows])
+        except np.linalg.LinAlgError:
+            step[rows] = scale * np.linalg.lstsq(unit, scale * pull[rows], rcond=1e-15)[0]
         return step
     diagonal = np.maximum(np.diag(inner), rules.floor)
     step[rows] = np.linalg.solve(inner + (rules.ridge + damping) * np.diag(diagonal), pull[rows])
