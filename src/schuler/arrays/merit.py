@@ -41,6 +41,13 @@ class FiguresOfMerit(Exportable):
     isolation_angle : (M, M) ndarray
         Between the traces of two faults in the parity space, rad, in [0, pi/2]; zero when they
         look alike, NaN when one is not seen.
+
+    Examples
+    --------
+    >>> from schuler import Geometry, figures_of_merit
+    >>> four = Geometry.from_axes([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.6, 0.6]])
+    >>> figures_of_merit(four).covariance.shape
+    (3, 3)
     """
 
     geometry: Geometry

@@ -32,6 +32,17 @@ class OptimalGeometry(Exportable):
         Of the criterion, the smaller the better.
     criterion : str
         Its name.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Geometry, optimize_geometry
+    >>> def cone(angles):
+    ...     s, c = np.sin(angles[0]), np.cos(angles[0])
+    ...     return Geometry.from_axes([(s, 0, c), (-s, 0, c), (0, s, c), (0, -s, c)])
+    >>> best = optimize_geometry(cone, [(0.2, 1.4)])
+    >>> round(float(np.degrees(best.parameters[0])), 1)
+    54.7
     """
 
     parameters: FloatArray
@@ -128,6 +139,17 @@ def optimize_geometry(
     ------
     InputError
         Bounds that are empty, an unknown criterion, or no geometry that measures all directions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Geometry, optimize_geometry
+    >>> def cone(angles):
+    ...     s, c = np.sin(angles[0]), np.cos(angles[0])
+    ...     return Geometry.from_axes([(s, 0, c), (-s, 0, c), (0, s, c), (0, -s, c)])
+    >>> best = optimize_geometry(cone, [(0.2, 1.4)])
+    >>> round(float(np.degrees(best.parameters[0])), 1)
+    54.7
     """
     from scipy.optimize import Bounds, differential_evolution, minimize_scalar
 

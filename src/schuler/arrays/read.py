@@ -58,6 +58,22 @@ def read_array(
         No file, or fewer than two IMUs in all; anything wrong with a file.
     EstimationError
         Clocks that cannot be brought together.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from pathlib import Path
+    >>> from schuler import NoiseModel, WhiteNoise, read_array, simulate_static
+    >>> noise = NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(1e-3))
+    >>> rng = np.random.default_rng(1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     files = [Path(folder) / name for name in ("left.parquet", "right.parquet")]
+    ...     for file in files:
+    ...         simulate_static(noise, 30.0, 50.0, rng).to_parquet(file)
+    ...     array = read_array(files)
+    >>> array.count
+    2
     """
     files = _files(path)
     how = {"missing": True, **how}

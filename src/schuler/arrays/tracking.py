@@ -50,6 +50,12 @@ class OnlineSettings:
         Deviations beyond which the residuals of a sample are made smaller in all estimates.
     shrink : bool
         Variances are drawn together as far as chance explains their differences.
+
+    Examples
+    --------
+    >>> from schuler import OnlineSettings
+    >>> OnlineSettings(time_constant=1.0).shrink
+    True
     """
 
     time_constant: float = 2.0

@@ -63,6 +63,25 @@ class ImuCalibration(Exportable):
     ------
     InputError
         Wrong shapes, or a matrix that is singular or left-handed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, turn = np.random.default_rng(1), np.sin(np.pi * (np.arange(100) + 0.5) / 100)
+    >>> up, attitude, gyro, accel = np.array([0.0, 0.0, 9.80665]), np.eye(3), [], []
+    >>> for vector in rng.normal(0.0, 1.0, (18, 3)):
+    ...     for share in (*np.zeros(300), *np.pi / 200 * turn):
+    ...         gyro.append(50.0 * share * vector)
+    ...         accel.append(attitude.T @ up)
+    ...         attitude = attitude @ schuler.dcm_from_rotation_vector(share * vector)
+    >>> shape = (len(gyro), 3)
+    >>> gyro = np.array(gyro) + 0.01 + rng.normal(0.0, 0.002, shape)
+    >>> accel = np.array(accel) + 0.1 + rng.normal(0.0, 0.02, shape)
+    >>> imu = schuler.ImuRecording(np.arange(shape[0]) / 50.0, gyro, accel)
+    >>> found = schuler.calibrate_imu(imu)
+    >>> found.poses, np.round(found.accel_bias, 2)
+    (18, array([0.1, 0.1, 0.1]))
     """
 
     name: str

@@ -45,6 +45,18 @@ class ImuCharacterization(Exportable):
         Samples a second.
     duration : float
         Length in s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, characterize_imu, simulate_static
+    >>> model = NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(1e-3))
+    >>> imu = simulate_static(model, 120.0, 50.0, np.random.default_rng(1))
+    >>> found = characterize_imu(imu)
+    >>> sorted(found.channels)[:2]
+    ['accel_x', 'accel_y']
+    >>> round(found.rate)
+    50
     """
 
     JSON = "recording=recording_name rate_hz=rate duration_s=duration channels findings"

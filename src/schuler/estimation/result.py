@@ -87,6 +87,15 @@ class MethodIdentification(Exportable):
         Lines of vibration that were taken out first.
     effects : tuple of Effect
         What follows a column beside the signal, taken out first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import WhiteNoise, compare_methods
+    >>> signal = WhiteNoise(1e-3).simulate(20_000, 0.01, np.random.default_rng(1))
+    >>> found = compare_methods(signal, 100.0, ("slope",)).results["slope"]
+    >>> found.method
+    'slope'
     """
 
     JSON = "method no_process upper_limits_95=limits diagnostics converged flags fit"

@@ -98,6 +98,15 @@ class TrajectoryEvaluation(Exportable):
         Stretches that were asked for.
     notes : tuple of str
         What was done, and what limits the comparison.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Track, evaluate_trajectory
+    >>> way = np.column_stack([np.arange(100.0), np.zeros(100), np.zeros(100)])
+    >>> truth = Track(np.arange(100.0), way, local=True)
+    >>> round(evaluate_trajectory(truth, truth).distance)
+    99
     """
 
     JSON = (

@@ -69,6 +69,13 @@ class ResultComparison(Exportable):
         Texts that differ, such as settings, and what each result says.
     lacking : tuple of str
         Numbers that only one result holds.
+
+    Examples
+    --------
+    >>> from schuler import compare_results
+    >>> found = compare_results({"before": {"rms_m": 2.0}, "after": {"rms_m": 1.5}})
+    >>> found.names
+    ('before', 'after')
     """
 
     JSON: ClassVar[str] = "names numbers words lacking"

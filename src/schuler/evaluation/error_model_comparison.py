@@ -89,6 +89,19 @@ class ErrorModelComparison(Exportable):
         (k, 2) by model name, east and north in m from where the window begins.
     settings : dict
         What all models share.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, simulate_drive
+    >>> from schuler import compare_error_models, error_models
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> models = error_models(("own",), noise_model=model)
+    >>> found = compare_error_models(imu, gnss, models, base=model, windows=((60.0, 10.0),))
+    >>> len(found.results)
+    1
     """
 
     results: tuple[ModelOutages, ...]
@@ -209,6 +222,19 @@ def compare_error_models(
     ------
     InputError
         No windows or models, the same name twice, or inputs that cannot be used.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, simulate_drive
+    >>> from schuler import compare_error_models, error_models
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> models = error_models(("own",), noise_model=model)
+    >>> found = compare_error_models(imu, gnss, models, base=model, windows=((60.0, 10.0),))
+    >>> len(found.results)
+    1
     """
     check_models(models)
     settings = navigation_settings(compare_error_models, options, tune_noise=False)

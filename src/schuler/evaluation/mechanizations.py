@@ -91,6 +91,25 @@ class MechanizationComparison(Exportable):
         Outages, seconds after the first GNSS epoch.
     judged : (start, stop) or None
         Time over which errors against the truth are taken, s.
+
+    Examples
+    --------
+    >>> import numpy as np, schuler
+    >>> ride = schuler.motorcycle(120.0)
+    >>> gyro = schuler.WhiteNoise(1e-3) + schuler.GaussMarkov(1e-3, 100.0)
+    >>> accel = schuler.WhiteNoise(1e-2) + schuler.GaussMarkov(0.02, 100.0)
+    >>> noise, place = schuler.NoiseModel.isotropic(gyro, accel), schuler.Mounting.aligned(2)
+    >>> rng = np.random.default_rng(0)
+    >>> two = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(two, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.05, velocity_sd=0.03, rng=rng)
+    >>> truth = ride.trajectory(np.arange(90.0, 110.0, 0.1))
+    >>> found = schuler.compare_mechanizations(
+    ...     array, gnss, noise, mechanizations=("single", "synthetic"), truth=truth,
+    ...     judged=(90.0, 110.0), settings=schuler.NavigationSettings(time_offset=0.0),
+    ... )
+    >>> found.average("synthetic").shape
+    (9,)
     """
 
     results: tuple[MechanizationResult, ...]

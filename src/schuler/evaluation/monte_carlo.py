@@ -29,6 +29,13 @@ class MonteCarloResult(Exportable):
         Each quantity, one entry a run.
     seed : int
         From which every run has its own stream.
+
+    Examples
+    --------
+    >>> from schuler import monte_carlo
+    >>> result = monte_carlo(lambda rng: {"mean": rng.standard_normal(9).mean()}, runs=20, seed=1)
+    >>> result.seed, result.values["mean"].size
+    (1, 20)
     """
 
     values: dict[str, FloatArray]

@@ -50,6 +50,14 @@ class OutageTwin(Exportable):
         Of the alignment at the start, rad.
     turn_on_accel, turn_on_gyro : float
         What the filters are told of the turn-on biases, m/s² and rad/s.
+
+    Examples
+    --------
+    >>> import schuler
+    >>> noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(1e-3), schuler.WhiteNoise(1e-2))
+    >>> twin = schuler.outage_twin(schuler.motorcycle(120.0), noise, [(90.0, 10.0)])
+    >>> twin.position_sd
+    1.0
     """
 
     profile: Profile

@@ -105,6 +105,17 @@ class OutageStatistics(Exportable):
     ----------
     windows : tuple of OutageWindow
         In order of time.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, evaluate_outages, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> found = evaluate_outages(imu, gnss, model, windows=((60.0, 10.0),), time_offset=0.0)
+    >>> len(found.causal.windows)
+    1
     """
 
     JSON = (

@@ -52,6 +52,17 @@ class OutageEvaluation(Exportable):
         Of fixed-lag smoothing: what is known `lag` seconds after each moment.
     lag : float or None
         s.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, evaluate_outages, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> found = evaluate_outages(imu, gnss, model, windows=((60.0, 10.0),), time_offset=0.0)
+    >>> len(found.causal.windows)
+    1
     """
 
     causal: OutageStatistics
@@ -121,6 +132,17 @@ def evaluate_outages(
     ------
     InputError
         No windows, windows outside the run, or inputs that cannot be used.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, evaluate_outages, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> found = evaluate_outages(imu, gnss, model, windows=((60.0, 10.0),), time_offset=0.0)
+    >>> len(found.causal.windows)
+    1
     """
     settings = navigation_settings(evaluate_outages, options)
     groups = deal_windows(asked_windows(windows, sweep, gnss))

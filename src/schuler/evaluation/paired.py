@@ -41,6 +41,13 @@ class PairedStatistics(Exportable):
         difference; NaN where nothing differs.
     mean_of_ratios, ratio_of_sums : float
         By how much a is better than b, as shares: see `PERCENTAGES`.
+
+    Examples
+    --------
+    >>> from schuler import paired_statistics
+    >>> found = paired_statistics([1.0, 2.0, 3.0], [2.0, 3.0, 4.0])
+    >>> found.cases, found.difference
+    (3, -1.0)
     """
 
     JSON = "* standard_errors_apart"

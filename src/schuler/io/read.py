@@ -133,6 +133,16 @@ def read_imus(path: Any, **how: Any) -> tuple[ImuRecording, ...]:
     ------
     InputError
         As in `read_imu`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import read_imus
+    >>> rng, roles = np.random.default_rng(1), ("gyro", "accel")
+    >>> log = {f"{r}_{a}": rng.standard_normal(99) for r in roles for a in "xyz"}
+    >>> read = read_imus(log, rate=100.0, gyro_unit="deg/s", accel_unit="m/s^2")
+    >>> len(read)
+    1
     """
     options = _options(how, "imu")
     source = _open(path, "imu", options)

@@ -225,6 +225,12 @@ def gate_thresholds(false_alarm: float) -> FloatArray:
     (4,) ndarray
         Chi-square quantiles; Bar-Shalom, Estimation with Applications to Tracking and
         Navigation, section 5.4.
+
+    Examples
+    --------
+    >>> from schuler import gate_thresholds
+    >>> [round(float(limit), 1) for limit in gate_thresholds(0.001)[:3]]
+    [0.0, 10.8, 13.8]
     """
     from scipy.special import gammaincinv
 

@@ -83,6 +83,20 @@ class Observability(Exportable):
         Directions that are seen well enough to be told from rounding and noise.
     shown : (2, 3, s) ndarray
         How the states show in fused force and rate: zero for those of the navigation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import GaussMarkov, NoiseModel, Segment, WhiteNoise
+    >>> from schuler import observability, sensor_error_model
+    >>> biased = WhiteNoise(1e-4) + GaussMarkov(1e-4, 100.0)
+    >>> states = sensor_error_model(
+    ...     NoiseModel.isotropic(biased, biased), turn_on_accel=0.1, turn_on_gyro=0.01
+    ... )
+    >>> still = Segment(np.array([0.0, 0.0, -9.81]), np.eye(3))
+    >>> found = observability(states, [still])
+    >>> found.rank < len(found.names)
+    True
     """
 
     names: tuple[str, ...]
@@ -294,6 +308,20 @@ def observability(
     ------
     InputError
         No segment, or a model that cannot be analysed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import GaussMarkov, NoiseModel, Segment, WhiteNoise
+    >>> from schuler import observability, sensor_error_model
+    >>> biased = WhiteNoise(1e-4) + GaussMarkov(1e-4, 100.0)
+    >>> states = sensor_error_model(
+    ...     NoiseModel.isotropic(biased, biased), turn_on_accel=0.1, turn_on_gyro=0.01
+    ... )
+    >>> still = Segment(np.array([0.0, 0.0, -9.81]), np.eye(3))
+    >>> found = observability(states, [still])
+    >>> found.rank < len(found.names)
+    True
     """
     if not segments:
         raise InputError("observability over no segment", expected="at least one")

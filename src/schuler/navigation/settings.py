@@ -64,6 +64,12 @@ class NavigationSettings:
     ------
     InputError
         A lever arm that is no three numbers, or an aiding that is not known.
+
+    Examples
+    --------
+    >>> from schuler import NavigationSettings
+    >>> NavigationSettings(lever_arm=(0.2, 0.0, -1.1), aiding=("nhc",)).time_offset
+    'estimate'
     """
 
     lever_arm: ArrayLike | Literal["estimate"] = (0.0, 0.0, 0.0)

@@ -58,6 +58,15 @@ class InitialState:
         Sensor error states, SI.
     covariance : (9 + m, 9 + m) ndarray
         Of position (m), velocity (m/s), attitude (rad), sensor states.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import InitialState
+    >>> place = (np.radians(48.1), np.radians(11.5), 520.0)
+    >>> start = InitialState(np.array(place), np.zeros(3), np.eye(3), np.zeros(6), np.eye(15))
+    >>> start.covariance.shape
+    (15, 15)
     """
 
     position: FloatArray

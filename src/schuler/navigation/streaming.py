@@ -90,6 +90,19 @@ class FilterState:
         Sensor error states, SI.
     covariance : (9 + m, 9 + m) ndarray
         Of position (m), velocity, attitude (rad), sensor states.
+
+    Examples
+    --------
+    >>> from schuler import NavigationFilter, NoiseModel, Scenario, WhiteNoise
+    >>> from schuler import prepare, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> ready, setup = prepare(imu, gnss, model, time_offset=0.0, tune_noise=False)
+    >>> stream = NavigationFilter.from_setup(setup, ready, gnss)
+    >>> stream.state().position.shape
+    (3,)
     """
 
     time: float
@@ -117,6 +130,12 @@ class GnssReceiver:
     white_share, slow_share : float
         Of the claimed variances of position: what is noise, and what those states are seen with;
         see `GnssErrorModel`.
+
+    Examples
+    --------
+    >>> from schuler import GnssReceiver
+    >>> GnssReceiver(lever_arm=(0.0, 0.0, -1.2), position_offset=0.05).position_factor
+    1.0
     """
 
     lever_arm: ArrayLike = (0.0, 0.0, 0.0)
@@ -174,6 +193,21 @@ class NavigationFilter:
     -----
     Not for several threads at a time. Kernels compile at the first sample unless they were
     compiled before (`schuler warm`).
+
+    Examples
+    --------
+    >>> from schuler import NavigationFilter, NoiseModel, Scenario, WhiteNoise
+    >>> from schuler import prepare, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> ready, setup = prepare(imu, gnss, model, time_offset=0.0, tune_noise=False)
+    >>> stream = NavigationFilter.from_setup(setup, ready, gnss)
+    >>> for time, gyro, accel in zip(ready.time[-90:], ready.gyro[-90:], ready.accel[-90:]):
+    ...     stream.add_imu(time, gyro, accel)
+    >>> bool(stream.time == ready.time[-1])
+    True
     """
 
     def __init__(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,6 +21,10 @@ from schuler.report.sections import sections_of
 
 if TYPE_CHECKING:
     from jinja2 import Template
+
+
+_FLAT_LIST = re.compile(r"\[\n\s+((?:\[[^\[\]\"{}]*\]|[^\[\]\"{}])*?)\n\s*\]")
+"""A list of numbers or of lists of numbers, over several lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +112,21 @@ def render_page(title: str, sections: Iterable[Section], provenance: Provenance)
         script=(assets / "page.js").read_text(encoding="utf-8"),
         plotly=plotly_script() if any(_figures(sections)) else "",
         figure_data=[safe_json(figure) for figure in _figure_data(sections)],
-        settings=json.dumps(dict(provenance.settings), indent=2, default=str, ensure_ascii=False),
+        settings=_pretty(dict(provenance.settings)),
         plain=plain,
     )
+
+
+def _pretty(settings: dict[str, Any]) -> str:
+    """Return JSON for people: lists of numbers take one line, not one a number."""
+    text = json.dumps(settings, indent=2, default=str, ensure_ascii=False)
+    for _ in range(2):  # lists of pairs, too
+        text = _FLAT_LIST.sub(lambda m: f"[{_one_line(m[1])}]", text)
+    return text
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split()).replace("[ ", "[").replace(" ]", "]")
 
 
 def render_report(

@@ -317,6 +317,14 @@ def clean_segments(
     -------
     tuple of ImuRecording
         Longest first, each with a line of history.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import clean_segments, screen, simulate_static
+    >>> imu = simulate_static(None, 60.0, 100.0, np.random.default_rng(1))
+    >>> len(clean_segments(imu, screen(imu)))
+    1
     """
     edges = [(0, 0), *((g, g) for g in screening.gaps), *screening.disturbed, (imu.size, imu.size)]
     edges.sort()

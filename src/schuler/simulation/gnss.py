@@ -159,6 +159,14 @@ def simulate_gnss(
     InputError
         Rate, standard deviations, correlation time or scale not positive, a share of outliers
         that is none, a correlated part without a time, or no epoch is left.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import motorcycle, simulate_gnss
+    >>> ride, rng = motorcycle(120.0), np.random.default_rng(1)
+    >>> simulate_gnss(ride, 1.0, position_sd=0.5, velocity_sd=0.05, rng=rng).size
+    121
     """
     refuse_unknown(simulate_gnss, options, ReceiverOptions)
     receiver = _Receiver(**options)

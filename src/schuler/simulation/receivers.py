@@ -31,6 +31,12 @@ class GnssGrade:
         Seconds.
     velocity_sd : tuple of float
         White noise of the velocity north, east, down, m/s.
+
+    Examples
+    --------
+    >>> from schuler.simulation import RTK_FIXED
+    >>> RTK_FIXED.name, RTK_FIXED.quality
+    ('RTK fixed', 1)
     """
 
     name: str

@@ -82,6 +82,20 @@ def calibrate_array(
         One IMU only, or too little motion.
     InputError
         Left-handed axes, or a sensor that is a copy of another.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(2_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> gyro = rate + 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = force + 1e-2 * rng.standard_normal((2_000, 4, 3))
+    >>> array = schuler.ImuArray(time, gyro, accel, schuler.Mounting.aligned(4))
+    >>> found = schuler.calibrate_array(array)
+    >>> found.names
+    ('imu 1', 'imu 2', 'imu 3', 'imu 4')
     """
     require_several(array)
     _all_there(array)

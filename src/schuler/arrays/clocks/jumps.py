@@ -47,6 +47,13 @@ class SampleJump:
         The same in seconds.
     evidence : float
         Log-likelihood gained against no jump.
+
+    Examples
+    --------
+    >>> from schuler import SampleJump
+    >>> jump = SampleJump(1, "imu 2", 900, 999, 9.0, 10.0, samples=-1, shift=-0.01, evidence=80.0)
+    >>> jump.samples
+    -1
     """
 
     imu: int
@@ -102,6 +109,19 @@ def find_jumps(
     ------
     EstimationError
         One IMU only, or too little motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(2_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> gyro = rate + 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = force + 1e-2 * rng.standard_normal((2_000, 4, 3))
+    >>> array = schuler.ImuArray(time, gyro, accel, schuler.Mounting.aligned(4))
+    >>> schuler.find_jumps(array)
+    ()
     """
     require_several(array)
     found = estimate_delays(array, bandwidth=bandwidth) if delays is None else delays
@@ -218,7 +238,21 @@ def _stretches(
 
 
 def undo_jumps(array: ImuArray, jumps: Sequence[SampleJump]) -> ImuArray:
-    """Move the rows of every segment to where they belong."""
+    """Move the rows of every segment to where they belong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(2_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> gyro = rate + 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = force + 1e-2 * rng.standard_normal((2_000, 4, 3))
+    >>> array = schuler.ImuArray(time, gyro, accel, schuler.Mounting.aligned(4))
+    >>> schuler.undo_jumps(array, schuler.find_jumps(array)).count
+    4
+    """
     gyro, accel = np.array(array.gyro), np.array(array.accel)
     for jump in jumps:
         _move_rows(gyro, gyro.copy(), jump)

@@ -30,6 +30,21 @@ class Synchronization(Exportable):
     noise_gain : (k,) ndarray
         Mean variance of white noise after resampling, over that before; 1 for the reference,
         whose samples are left alone.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(6_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time * (1 + 0.01 * time)) for f in (1.3, 2.1, 3.7)], axis=1)
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> first, second = (
+    ...     schuler.ImuRecording(time + late, rate + 1e-3 * rng.standard_normal((6_000, 3)), force)
+    ...     for late in (0.0, 0.3)
+    ... )
+    >>> found = schuler.synchronize([first, second])
+    >>> round(found.clocks[0].offset, 1)
+    -0.3
     """
 
     array: ImuArray
@@ -72,6 +87,21 @@ def synchronize(
         Fewer than two recordings, no such reference, or a recording without gyros.
     EstimationError
         No overlap, or no motion in common.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(6_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time * (1 + 0.01 * time)) for f in (1.3, 2.1, 3.7)], axis=1)
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> first, second = (
+    ...     schuler.ImuRecording(time + late, rate + 1e-3 * rng.standard_normal((6_000, 3)), force)
+    ...     for late in (0.0, 0.3)
+    ... )
+    >>> found = schuler.synchronize([first, second])
+    >>> round(found.clocks[0].offset, 1)
+    -0.3
     """
     check_recordings(recordings)
     if not 0 <= reference < len(recordings):

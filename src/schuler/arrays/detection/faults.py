@@ -105,6 +105,18 @@ class FaultDetection(Exportable):
         Of the IMUs.
     limits : tuple of str
         What cannot be seen or told apart, in words.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, detect_faults
+    >>> rng = np.random.default_rng(1)
+    >>> gyro, accel = 1e-3 * rng.standard_normal((2, 6_000, 4, 3))
+    >>> accel[..., 2] -= 9.81
+    >>> array = ImuArray(np.arange(6_000) / 100.0, gyro, accel, Mounting.aligned(4))
+    >>> found = detect_faults(array)
+    >>> found.names, len(found.gyro.records)
+    (('imu 1', 'imu 2', 'imu 3', 'imu 4'), 0)
     """
 
     gyro: SensorFaults | None

@@ -48,6 +48,12 @@ class LastingFaultSettings:
         Probability that a window without fault raises an alarm.
     unit_evidence : float
         Probability with which a fault of one axis may be taken for one of its whole unit.
+
+    Examples
+    --------
+    >>> from schuler import LastingFaultSettings
+    >>> LastingFaultSettings(window=2.0).step
+    0.25
     """
 
     window: float = 1.0
@@ -94,6 +100,21 @@ class HealthyMotion(Exportable):
         others.
     settings : LastingFaultSettings
         With which it was learnt.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(2_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> gyro = rate + 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = force + 1e-2 * rng.standard_normal((2_000, 4, 3))
+    >>> array = schuler.ImuArray(time, gyro, accel, schuler.Mounting.aligned(4))
+    >>> found = schuler.calibrate_array(array)
+    >>> healthy = schuler.learn_healthy_motion(found, [array])
+    >>> healthy.settings.window
+    1.0
     """
 
     colour: float
@@ -175,6 +196,21 @@ def learn_healthy_motion(
         No recording, or another number of IMUs.
     EstimationError
         Too few windows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(2_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> gyro = rate + 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = force + 1e-2 * rng.standard_normal((2_000, 4, 3))
+    >>> array = schuler.ImuArray(time, gyro, accel, schuler.Mounting.aligned(4))
+    >>> found = schuler.calibrate_array(array)
+    >>> healthy = schuler.learn_healthy_motion(found, [array])
+    >>> healthy.settings.window
+    1.0
     """
     how = LastingFaultSettings() if settings is None else settings
     if not arrays:

@@ -43,6 +43,21 @@ class LastingFaults(Exportable):
         Of the IMUs.
     records : tuple of FaultRecord
         The log.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(2_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> gyro = rate + 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = force + 1e-2 * rng.standard_normal((2_000, 4, 3))
+    >>> array = schuler.ImuArray(time, gyro, accel, schuler.Mounting.aligned(4))
+    >>> found = schuler.calibrate_array(array)
+    >>> healthy = schuler.learn_healthy_motion(found, [array])
+    >>> len(schuler.detect_lasting_faults(found, array, healthy).names)
+    4
     """
 
     offsets: WindowOffsets
@@ -195,6 +210,21 @@ def detect_lasting_faults(
     ------
     InputError
         Another number of IMUs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, time = np.random.default_rng(1), np.arange(2_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> force = rate * 2.0 + (0.0, 0.0, 9.81)
+    >>> gyro = rate + 1e-3 * rng.standard_normal((2_000, 4, 3))
+    >>> accel = force + 1e-2 * rng.standard_normal((2_000, 4, 3))
+    >>> array = schuler.ImuArray(time, gyro, accel, schuler.Mounting.aligned(4))
+    >>> found = schuler.calibrate_array(array)
+    >>> healthy = schuler.learn_healthy_motion(found, [array])
+    >>> len(schuler.detect_lasting_faults(found, array, healthy).names)
+    4
     """
     how = healthy.settings
     offsets = window_offsets(calibrated_rates(calibration, array), how.window, how.step)

@@ -59,6 +59,17 @@ class PreparedDetection(Exportable):
     not_judged : dict of str to float
         By kind of sensor the share of the time in which motion hides faults of five times the
         wander.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, prepare_detection
+    >>> rng = np.random.default_rng(1)
+    >>> gyro, accel = 1e-3 * rng.standard_normal((2, 6_000, 4, 3))
+    >>> accel[..., 2] -= 9.81
+    >>> array = ImuArray(np.arange(6_000) / 100.0, gyro, accel, Mounting.aligned(4))
+    >>> prepare_detection(array).array.count
+    4
     """
 
     array: ImuArray
@@ -95,6 +106,17 @@ def prepare_detection(
     InputError
         Axes that are not what the mounting says, or an array that motion rules and that moves too
         little to be calibrated in passing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, prepare_detection
+    >>> rng = np.random.default_rng(1)
+    >>> gyro, accel = 1e-3 * rng.standard_normal((2, 6_000, 4, 3))
+    >>> accel[..., 2] -= 9.81
+    >>> array = ImuArray(np.arange(6_000) / 100.0, gyro, accel, Mounting.aligned(4))
+    >>> prepare_detection(array).array.count
+    4
     """
     how = FaultSettings() if settings is None else settings
     notes: list[str] = []

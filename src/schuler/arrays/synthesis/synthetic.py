@@ -72,6 +72,17 @@ class SyntheticImu(Exportable):
         What the tests said, if faults were looked for.
     beyond : BeyondRange or None
         Where gyros were out of range, and how well accelerometers then told the rate.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, synthesize
+    >>> rng = np.random.default_rng(1)
+    >>> gyro, accel = 1e-3 * rng.standard_normal((2, 6_000, 4, 3))
+    >>> accel[..., 2] -= 9.81
+    >>> array = ImuArray(np.arange(6_000) / 100.0, gyro, accel, Mounting.aligned(4))
+    >>> synthesize(array).imu.size
+    6000
     """
 
     imu: ImuRecording

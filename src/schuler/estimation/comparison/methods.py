@@ -103,6 +103,15 @@ class MethodComparison(Exportable):
         Where the structure of the processes came from.
     findings : tuple of str
         What is worth knowing, in plain language.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import WhiteNoise, compare_methods
+    >>> signal = WhiteNoise(1e-3).simulate(20_000, 0.01, np.random.default_rng(1))
+    >>> found = compare_methods(signal, 100.0, ("allan", "slope"))
+    >>> found.samples, found.failures
+    (20000, {})
     """
 
     JSON = (
@@ -161,6 +170,15 @@ class ImuMethodComparison(Exportable):
         Samples a second.
     duration : float
         Length in s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, compare_methods_imu, simulate_static
+    >>> model = NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(1e-3))
+    >>> imu = simulate_static(model, 120.0, 50.0, np.random.default_rng(1))
+    >>> len(compare_methods_imu(imu, ("slope",)).channels)
+    6
     """
 
     JSON = "recording=recording_name rate_hz=rate duration_s=duration channels"
@@ -390,6 +408,15 @@ def compare_methods_imu(
     ------
     InputError, EstimationError
         As from `compare_methods`, with the channel named.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import NoiseModel, WhiteNoise, compare_methods_imu, simulate_static
+    >>> model = NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(1e-3))
+    >>> imu = simulate_static(model, 120.0, 50.0, np.random.default_rng(1))
+    >>> len(compare_methods_imu(imu, ("slope",)).channels)
+    6
     """
     wanted = _checked(methods)
     columns = {} if imu.temperature is None else {"temperature": imu.temperature}

@@ -46,6 +46,15 @@ class ArmaGarchFit(Exportable):
         Of all parts.
     flags : tuple of str
         Of all parts.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fit_arma_garch, simulate_garch
+    >>> noise, _ = simulate_garch(4_000, 0.1, 0.1, 0.8, np.random.default_rng(1))
+    >>> fit = fit_arma_garch(noise, 1, 0)
+    >>> fit.converged, fit.joint
+    (True, False)
     """
 
     arma: ArmaFit
@@ -154,6 +163,15 @@ def fit_arma_garch(
     Notes
     -----
     Spec 5.2, S000 section 5. (Tables 1 and 2 of S000 belong to different axes, E-000-15.)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import fit_arma_garch, simulate_garch
+    >>> noise, _ = simulate_garch(4_000, 0.1, 0.1, 0.8, np.random.default_rng(1))
+    >>> fit = fit_arma_garch(noise, 1, 0)
+    >>> fit.converged, fit.joint
+    (True, False)
     """
     values = checked_signal(signal, 10 + 5 * (p + q))
     arma = fit_arma(values, p, q, rate=rate, errors="robust")

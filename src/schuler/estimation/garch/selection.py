@@ -51,6 +51,14 @@ def select_garch(
     -----
     Spec 5.2. Mean and variance of Z say nothing about the order (E-000-8): look at the tests
     `after` the fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import select_garch, simulate_garch
+    >>> noise, _ = simulate_garch(3_000, 0.1, 0.2, 0.7, np.random.default_rng(1))
+    >>> select_garch(noise, 1, 1).alpha.size
+    1
     """
     if criterion not in ("aic", "bic"):
         raise InputError(f"criterion '{criterion}'", expected="'aic' or 'bic'")

@@ -46,6 +46,16 @@ class PooledIdentification(Exportable):
         Probability of a larger chi-square if the records share one model.
     agreements : tuple of Agreement
         The same question for every parameter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import WhiteNoise, fit_gmwm_replicates
+    >>> rng = np.random.default_rng(1)
+    >>> runs = [WhiteNoise(1e-3).simulate(5_000, 0.01, rng) for _ in range(2)]
+    >>> found = fit_gmwm_replicates(runs, 100.0, WhiteNoise(1e-3))
+    >>> len(found.runs)
+    2
     """
 
     JSON = "pooled runs"
@@ -97,6 +107,16 @@ def fit_gmwm_replicates(
     ------
     InputError, EstimationError, ModelError
         As `fit_gmwm`; fewer than two records.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import WhiteNoise, fit_gmwm_replicates
+    >>> rng = np.random.default_rng(1)
+    >>> runs = [WhiteNoise(1e-3).simulate(5_000, 0.01, rng) for _ in range(2)]
+    >>> found = fit_gmwm_replicates(runs, 100.0, WhiteNoise(1e-3))
+    >>> len(found.runs)
+    2
     """
     from scipy.special import chdtrc
 

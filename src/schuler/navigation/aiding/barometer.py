@@ -88,6 +88,12 @@ def height_of_pressure(pressure: ArrayLike, reference: float = 101325.0) -> Floa
     -------
     ndarray
         m; ICAO standard atmosphere below 11 km, 44330.77 (1 - (p / p0)^0.190263).
+
+    Examples
+    --------
+    >>> from schuler import height_of_pressure
+    >>> round(float(height_of_pressure(89874.6)))
+    1000
     """
     ratio = np.asarray(pressure, dtype=np.float64) / reference
     return np.asarray(44330.77 * (1.0 - ratio**0.190263))

@@ -38,6 +38,12 @@ class AidingState:
         By which it changes, unit/sqrt(s); 0: a constant, or what its correlation time says.
     correlation_time : float
         Of a Gauss-Markov process of that standard deviation, s; infinite: none.
+
+    Examples
+    --------
+    >>> from schuler import AidingState
+    >>> AidingState("offset", sd=2.0, walk=0.01).correlation_time
+    inf
     """
 
     name: str
@@ -62,6 +68,14 @@ class AidedState:
         All sensor error states.
     own : (p,) ndarray
         Those of the source.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import AidedState
+    >>> state = AidedState(0.0, np.zeros(3), np.zeros(3), np.eye(3), np.zeros(6), np.zeros(1))
+    >>> state.own.size
+    1
     """
 
     time: float
@@ -82,6 +96,20 @@ class MeasurementSource(Protocol):
     was measured (r,); the derivatives of the prediction (r, 9 + p) by position north, east, down
     (m), velocity, attitude error psi (rad; a direction d = C u changes by d x psi) and the p own
     states, or by all m sensor states (r, 9 + m); and the variance of the noise, (r,) or (r, r).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import AidedState, AidingState, MeasurementSource
+    >>> class Altimeter(MeasurementSource):
+    ...     name = "altimeter"
+    ...     time = np.arange(10.0)
+    ...     def linearise(self, k, state):
+    ...         slope = np.zeros((1, 9 + state.sensor_state.size + state.own.size))
+    ...         slope[0, 2] = -1.0
+    ...         return np.array([520.0 - state.position[2]]), slope, np.array([[0.25]])
+    >>> Altimeter().name
+    'altimeter'
     """
 
     @property

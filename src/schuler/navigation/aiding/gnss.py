@@ -114,6 +114,12 @@ class GnssErrorModel:
         Of the first of its three states (north, east, down); -1: not placed.
     told : bool
         Whether the drive has told more of the slow part than was supposed.
+
+    Examples
+    --------
+    >>> from schuler import GnssErrorModel
+    >>> GnssErrorModel(white=0.2, slow=0.8, correlation_time=30.0).fit
+    True
     """
 
     white: float = 0.36

@@ -40,6 +40,14 @@ class Magnetometer(Exportable):
         By which it changes, unit/sqrt(s).
     place : int
         Of the first of its three states; -1: not placed, and no hard iron.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import Magnetometer, earth_field
+    >>> field = earth_field(0.05, 1.1, 48.0)
+    >>> Magnetometer(np.arange(3.0), np.tile(field, (3, 1)), field, sd=0.5).hard_iron_sd
+    0.0
     """
 
     time: ArrayLike
@@ -94,6 +102,13 @@ def earth_field(declination: float, inclination: float, intensity: float) -> Flo
     -------
     (3,) ndarray
         In the unit of the intensity.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import earth_field
+    >>> np.round(earth_field(0.0, np.radians(60.0), 50.0), 1)
+    array([25. ,  0. , 43.3])
     """
     level = intensity * np.cos(inclination)
     return np.array(

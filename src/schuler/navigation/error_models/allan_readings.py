@@ -45,6 +45,12 @@ class AllanReading:
         K in u/sqrt(s).
     crossing : bool
         The flat part is only where white noise and random walk cross (E-004-9).
+
+    Examples
+    --------
+    >>> from schuler import AllanReading
+    >>> AllanReading(white_noise=1e-3, bias_instability=1e-4, flat_time=50.0).random_walk
+    0.0
     """
 
     white_noise: float

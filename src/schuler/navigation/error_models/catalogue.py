@@ -84,6 +84,12 @@ class ErrorModel:
     changing_noise : ChangingNoise or "averaged" or None
         How the white noise changes from sample to sample; "averaged" with the average of the last
         second at whatever rate the drive has.
+
+    Examples
+    --------
+    >>> from schuler import ErrorModel, NoiseModel, WhiteNoise
+    >>> ErrorModel("mine", NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(1e-3))).name
+    'mine'
     """
 
     name: str

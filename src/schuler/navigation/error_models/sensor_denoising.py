@@ -35,6 +35,12 @@ class SensorDenoising(Exportable):
     form : {"off-line", "causal"}
         The transform over the whole record, which looks ahead; or the approximation filter
         alone, which does not, and whose answer for a moment comes `latency` later.
+
+    Examples
+    --------
+    >>> from schuler import SensorDenoising
+    >>> SensorDenoising({"gyro_z": 4}).form
+    'off-line'
     """
 
     JSON = "levels wavelet form reach_samples=reach"

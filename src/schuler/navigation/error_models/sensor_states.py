@@ -99,6 +99,14 @@ class SensorErrorModel:
     ------
     ModelError
         Arrays that do not fit together.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, WhiteNoise, sensor_error_model
+    >>> noise = NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(1e-3))
+    >>> states = sensor_error_model(noise, turn_on_accel=0.1, turn_on_gyro=0.01)
+    >>> len(states.names)
+    6
     """
 
     channel: IntArray

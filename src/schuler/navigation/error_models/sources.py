@@ -66,6 +66,13 @@ def error_models(
     InputError
         A name that is not known, neither a noise model nor a static log, or a log of another
         rate.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, WhiteNoise, error_models
+    >>> model = NoiseModel.isotropic(WhiteNoise(1e-4), WhiteNoise(1e-3))
+    >>> [one.name for one in error_models(("own", "own+turn-on"), noise_model=model)]
+    ['own', 'own+turn-on']
     """
     split = [split_model_name(name) for name in names]
     bases = [base for base, _ in split]

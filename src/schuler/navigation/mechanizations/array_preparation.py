@@ -196,6 +196,20 @@ def prepare_array(
     Examples
     --------
     See `ArrayFilter`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, place = np.random.default_rng(1), schuler.tetrahedron_mounting(0.05)
+    >>> ride = schuler.motorcycle(120.0)
+    >>> noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(1e-3), schuler.WhiteNoise(3e-3))
+    >>> parts = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(parts, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.1, velocity_sd=0.05, rng=rng)
+    >>> settings = schuler.NavigationSettings(time_offset=0.0, tune_noise=False)
+    >>> schuler.prepare_array(array, gnss, noise, settings).array.count
+    4
     """
     say = progress or nobody_listens
     complete = complete_array(array)

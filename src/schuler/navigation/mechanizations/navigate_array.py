@@ -127,6 +127,20 @@ def navigate_array(
         cannot do what is asked.
     NavigationError
         As `navigate`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import schuler
+    >>> rng, place = np.random.default_rng(1), schuler.tetrahedron_mounting(0.05)
+    >>> ride = schuler.motorcycle(120.0)
+    >>> noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(1e-3), schuler.WhiteNoise(3e-3))
+    >>> parts = schuler.simulate_array(ride, place.rotation, place.position, noise, 50.0, rng)
+    >>> array = schuler.ImuArray.from_recordings(parts, place)
+    >>> gnss = schuler.simulate_gnss(ride, 1.0, position_sd=0.1, velocity_sd=0.05, rng=rng)
+    >>> solution = schuler.navigate_array(array, gnss, noise, time_offset=0.0, tune_noise=False)
+    >>> solution.solution.trajectory.time.size > 1_000
+    True
     """
     refuse_unknown(navigate_array, options, RunOptions)
     outages, progress = options.pop("outages", ()), options.pop("progress", None)

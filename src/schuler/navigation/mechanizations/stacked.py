@@ -52,6 +52,12 @@ class RigidBody(Exportable):
         Noise of the pseudo-measurements, rad, m and m/s; never zero.
     interval : float
         Seconds between them: what they say is correlated in time.
+
+    Examples
+    --------
+    >>> from schuler import RigidBody
+    >>> RigidBody(position_sd=0.001).position_walk
+    1e-05
     """
 
     rotation_sd: float = float(np.radians(0.3))

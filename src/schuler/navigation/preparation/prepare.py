@@ -106,6 +106,17 @@ def prepare(
         Recordings without what is needed.
     NavigationError
         No overlap, no heading, or no mounting where it is needed.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, prepare, simulate_drive
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> ready, setup = prepare(imu, gnss, model, time_offset=0.0, tune_noise=False)
+    >>> ready.complete
+    True
     """
     settings = navigation_settings(prepare, options)
     done = prepare_drive(imu, gnss, noise_model, settings, progress)

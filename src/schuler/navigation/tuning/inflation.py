@@ -62,6 +62,17 @@ class NoiseInflation(Exportable):
         Factors that were tried.
     profile_loss : (k,) ndarray
         By how much the log-likelihood lies below its maximum there, everything else at its best.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, simulate_drive, tune_noise
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> found = tune_noise(imu, gnss, model, factors=(1.0, 3.0), time_offset=0.0)
+    >>> found.inflations[0].sensor
+    'accelerometer'
     """
 
     JSON = "sensor kind static_density=static tuned_density=tuned factor"
@@ -114,6 +125,17 @@ class NoiseTuning(Exportable):
         Whether the search ended by itself.
     setup : RunSetup
         Ready to run.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, simulate_drive, tune_noise
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> found = tune_noise(imu, gnss, model, factors=(1.0, 3.0), time_offset=0.0)
+    >>> len(found.inflations) > 0
+    True
     """
 
     JSON = (
@@ -172,6 +194,17 @@ def tune_noise(
     ------
     SchulerError
         As `navigate`, or too few GNSS epochs.
+
+    Examples
+    --------
+    >>> from schuler import NoiseModel, Scenario, WhiteNoise, simulate_drive, tune_noise
+    >>> from schuler.simulation import RTK_FIXED
+    >>> model = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
+    >>> drive = simulate_drive(Scenario("car_urban", model, RTK_FIXED, duration=120.0), seed=1)
+    >>> imu, gnss = drive.imus[0], drive.gnss
+    >>> found = tune_noise(imu, gnss, model, factors=(1.0, 3.0), time_offset=0.0)
+    >>> len(found.inflations) > 0
+    True
     """
     say = progress or (lambda _: None)
     settings = navigation_settings(tune_noise, options, tune_noise=False)

@@ -67,6 +67,13 @@ class Profile(Exportable):
         Six columns: latitude and longitude minus the origin's, times the origin's metres per
         radian; height minus the origin's; roll, pitch, yaw in rad. Then the first and the second
         derivative.
+
+    Examples
+    --------
+    >>> from schuler import motorcycle
+    >>> ride = motorcycle(120.0)
+    >>> round(ride.stop - ride.start)
+    120
     """
 
     origin: FloatArray

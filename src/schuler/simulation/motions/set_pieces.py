@@ -48,6 +48,12 @@ class SetPiece:
         What is driven before it.
     share : float
         For how much of the whole drive.
+
+    Examples
+    --------
+    >>> from schuler import SetPiece
+    >>> SetPiece(duration=30.0, speed=12.0, turn=1.57).before
+    'town'
     """
 
     duration: float

@@ -116,6 +116,7 @@
       }));
     });
     await Plotly.react("plot", traces, layout, config);
+    Plotly.Plots.resize("plot"); // in a narrow window the first drawing is too wide
     at("plot").removeAllListeners("plotly_relayout");
     at("plot").on("plotly_relayout", zoomed);
   };
@@ -123,9 +124,9 @@
     if (change["xaxis.autorange"]) await pick(shown.file);
     else if ("xaxis.range[0]" in change) await draw(Number(change["xaxis.range[0]"]), Number(change["xaxis.range[1]"]));
   });
-  const drawTrack = (track) => Plotly.react("track",
+  const drawTrack = async (track) => { await Plotly.react("track",
     [{ type: "scatter", mode: "lines", x: track.east, y: track.north, line: { width: 1.5, color: colour("--x") }, hovertemplate: "%{x:.1f} m east, %{y:.1f} m north" }],
-    look({ xaxis: axis({ title: { text: "East in m" } }), yaxis: axis({ title: { text: "North in m" }, scaleanchor: "x" }) }), config);
+    look({ xaxis: axis({ title: { text: "East in m" } }), yaxis: axis({ title: { text: "North in m" }, scaleanchor: "x" }) }), config); Plotly.Plots.resize("track"); };
 
   // ---- jobs --------------------------------------------------------------------------------
   const job = (one) => {

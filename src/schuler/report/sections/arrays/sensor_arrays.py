@@ -216,7 +216,16 @@ def geometry_sections(figures: FiguresOfMerit, names: tuple[str, ...] = ()) -> t
         f"A step on one axis is found with a probability of {percent(figures.power)} at a false-"
         f"alarm rate of {number(100.0 * figures.false_alarm_rate)} % a sample."
     )
-    return (Section(geometry.title, (facts, *found, grid, note)),)
+    step = (
+        "no fault can be seen"
+        if not seen.size
+        else (f"a step of {number(float(seen.max()))} sigma on any axis is seen in one sample")
+    )
+    sentence = (
+        f"{geometry.title}: {geometry.count} axes, {geometry.redundancy} more than needed, GDOP "
+        f"{number(figures.gdop, 4)}; {step}."
+    )
+    return (Section(geometry.title, (facts, *found, grid, note), (sentence,)),)
 
 
 def _drawing(

@@ -279,11 +279,12 @@ def condition_section(findings: Sequence[dict[str, Any]]) -> Section:
         )
         for f in sorted(findings, key=lambda f: order.get(f["severity"], 3))
     )
-    serious = sum(f["severity"] != "info" for f in findings)
+    serious = [item.text for item in items if item.severity != "info"]
     if not items:
         items = (Finding("good", "Nothing to remark: IMU and GNSS fit each other throughout."),)
     if serious:
-        sentence = f"The drive shows {things(serious)}."
+        first = serious[0].partition(":")[0].rstrip(".")
+        sentence = f"The drive shows {things(len(serious))}: {first}."
     else:
         sentence = "The recordings of the drive are whole and fit each other."
     return Section("Condition of the drive", (Findings(items),), (sentence,))
