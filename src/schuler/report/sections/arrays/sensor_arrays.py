@@ -80,11 +80,21 @@ def _gain_sentence(fused: FusedSensor) -> str:
     unit, size = _unit(fused.sensors.sensor)
     together = float(np.sqrt(np.mean(np.diag(fused.mean_covariance)))) / size
     mean = float(fused.mean_deviation.mean()) / size
+    worth = float(fused.effective_sensors.mean())
+    # no more than there are, unless some axes are far better than others
+    why = (
+        ""
+        if worth <= 1.05 * fused.sensors.units
+        else (
+            ": more than there are, as some axes disagree far more than others; on a moving body that "
+            "is often how they sit, which calibrating the array finds"
+        )
+    )
     return (
         f"{TITLES[fused.sensors.sensor]}: {number(together)} {unit} a sample together, "
         f"{number(mean)} {unit} on average alone: {percent(fused.reduction)} less "
         f"(reduction; as a gain {percent(fused.gain)}), as good as "
-        f"{number(float(fused.effective_sensors.mean()))} equal, average IMUs."
+        f"{number(worth)} equal, average IMUs{why}."
     )
 
 
