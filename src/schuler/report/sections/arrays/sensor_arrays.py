@@ -82,14 +82,12 @@ def _gain_sentence(fused: FusedSensor) -> str:
     mean = float(fused.mean_deviation.mean()) / size
     worth = float(fused.effective_sensors.mean())
     # no more than there are, unless some axes are far better than others
-    why = (
-        ""
-        if worth <= 1.05 * fused.sensors.units
-        else (
-            ": more than there are, as some axes disagree far more than others; on a moving body that "
-            "is often how they sit, which calibrating the array finds"
+    why = ""
+    if worth > 1.05 * fused.sensors.units:
+        why = (
+            ": more than there are, as some axes disagree far more than others; on a moving body "
+            "that is often how they sit, which calibrating the array finds"
         )
-    )
     return (
         f"{TITLES[fused.sensors.sensor]}: {number(together)} {unit} a sample together, "
         f"{number(mean)} {unit} on average alone: {percent(fused.reduction)} less "
