@@ -4,9 +4,10 @@
 
 Case k of a seed is the same in every run. Cases run one after the other in a child process with
 limits, which is replaced when it ends or has grown; a find is a foreign exception, an end of the
-process, more than 10 s, or more than 1 GB. Where the reader tries a file in a process of its own
-first (MATLAB), the child is that process: an end there is what the reader refuses, and is counted
-beside the finds. Finds of a few kB go to tests/io/finds, which the tests read again.
+process, more than 10 s of CPU or a minute of waiting, or more than 1 GB. Where the reader tries a
+file in a process of its own first (MATLAB), the child is that process: an end there is what the
+reader refuses, and is counted beside the finds. Finds of a few kB go to tests/io/finds, which the
+tests read again.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import os
 import random
 import re
 import resource
+import signal
 import struct
 import subprocess
 import sys
@@ -34,6 +36,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 SECONDS = 10.0
+WAITING = 60.0
 RESIDENT = 1 << 30
 ADDRESSES = 6 << 30
 ENOUGH = 3
@@ -169,6 +172,7 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
     files = seeds()
     names = chosen(files, wanted)
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    faulthandler.register(signal.SIGXCPU, chain=True)
     with TemporaryDirectory() as folder, place.open("r+b") as stream:
         at = mmap.mmap(stream.fileno(), 9)
         matlab.rehearse = partial(rehearse_here, at)  # type: ignore[assignment]
@@ -178,7 +182,9 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
                 print(f"case {k}, {time.monotonic() - started:.0f} s", flush=True)
             at[:8] = k.to_bytes(8, "little")
             path, rng = case(names[k % len(names)], seed, k, files, Path(folder))
-            faulthandler.dump_traceback_later(SECONDS, exit=True)
+            spent = int(time.process_time() + SECONDS + 1.0)
+            resource.setrlimit(resource.RLIMIT_CPU, (spent, resource.RLIM_INFINITY))
+            faulthandler.dump_traceback_later(WAITING, exit=True)
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
@@ -254,7 +260,7 @@ def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
 
 def _ended(at: int, tried: bool, code: int, told: str) -> Find:
     """Tell how a child ended."""
-    if "Timeout" in told:
+    if "Timeout" in told or code == -signal.SIGXCPU:
         return at, f"more than {SECONDS:g} s", told[-300:]
     if code > 0:
         raise RuntimeError(told)  # the worker itself cannot run

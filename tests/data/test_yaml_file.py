@@ -78,3 +78,9 @@ def test_a_number_of_a_noise_model_is_plain_digits(tmp_path, value):
     path.write_text(f"channels:\n  gyro_x:\n    - white_noise: {{density: {value}}}\n")
     with pytest.raises(SchulerError):
         NoiseModel.load(path)
+
+
+def test_a_zero_in_front_makes_no_octal_number(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_text("rate: 0100\nserial: 055816394\n", encoding="utf-8")
+    assert read_yaml(path, "plain YAML") == {"rate": 100, "serial": 55816394}

@@ -120,4 +120,6 @@ def _loader() -> type[Any]:
     }
     Limited.add_implicit_resolver(f"{tag}float", _FLOAT, list("-+0123456789."))
     Limited.add_implicit_resolver(f"{tag}int", _INTEGER, list("-+0123456789"))
+    # a zero in front does not make a number octal, as in YAML 1.1
+    Limited.add_constructor(f"{tag}int", lambda _, node: int(node.value))
     return Limited
