@@ -15,6 +15,7 @@ from schuler.errors import InputError
 from schuler.navigation.preparation.setup import ParameterSpread
 from schuler.navigation.run import run
 from schuler.navigation.run_findings import whiteness
+from schuler.navigation.tuning.tune import Sought, tune
 from schuler.simulation import Profile, car_urban, ideal_imu, simulate_imu
 from schuler.simulation.receivers import DIFFERENTIAL_CODE, L1_CODE, RTK_FIXED, simulate_receiver
 
@@ -153,6 +154,27 @@ def test_an_antenna_that_nobody_told_is_found_and_one_that_is_right_is_left() ->
     assert "lever arm" in kinds(with_antenna(2.0))
     assert right["lever_arm_m"] == [0.0, 0.0, 0.0]
     assert "lever arm" not in kinds(with_antenna(0.0))
+
+
+def test_an_arm_is_told_by_the_noise_of_the_drive_and_what_it_leaves_open_is_claimed() -> None:
+    profile = car_urban(240.0, 7013, standstill=20.0)
+    rng = np.random.default_rng([4, 7013])
+    imu = simulate_imu(ideal_imu(profile, 50.0), NOISE, rng)
+    gnss = simulate_receiver(profile, RTK_FIXED, rng=rng, lever_arm=(0.6, -1.1, -1.4))
+    imu, setup = schuler.prepare(imu, gnss)
+    assert setup.arm_covariance is not None
+    sd = np.sqrt(np.diag(setup.arm_covariance))
+    off = setup.lever_arm - [0.6, -1.1, -1.4]
+    assert sd[:2].max() < 0.1
+    assert np.all(np.abs(off) < 3.5 * sd)
+    away = replace(setup, lever_arm=setup.lever_arm + np.array([0.3, -0.3, 0.0]))
+    again = tune(imu, gnss, away, Sought(None, offsets=True)).setup
+    assert np.all(np.abs(again.lever_arm - setup.lever_arm)[:2] < sd[:2])
+    told = run(imu, gnss, replace(setup, arm_covariance=None)).causal
+    claimed = run(imu, gnss, setup).causal
+    more = claimed.position_covariance[-1] - told.position_covariance[-1]
+    turn = claimed.trajectory.rotation[-1]
+    np.testing.assert_allclose(turn.T @ more @ turn, setup.arm_covariance, atol=1e-12)
 
 
 def test_an_arm_is_not_looked_for_where_errors_are_taken_as_given() -> None:

@@ -84,6 +84,16 @@ class MissingCovariance:
         )
 
 
+def with_arm_uncertainty(
+    solution: NavigationSolution, covariance: FloatArray | None
+) -> NavigationSolution:
+    """Claim of an IMU's position what is not known of the arm to the antenna that GNSS sees."""
+    if covariance is None:
+        return solution
+    turned = solution.trajectory.rotation @ covariance @ solution.trajectory.rotation.mT
+    return replace(solution, position_covariance=solution.position_covariance + turned)
+
+
 def missing_covariance(
     imu: ImuRecording, gnss: GnssRecording, setup: RunSetup, *, smooth: bool
 ) -> tuple[MissingCovariance, MissingCovariance | None] | None:

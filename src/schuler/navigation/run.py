@@ -29,7 +29,7 @@ from schuler.navigation.engine import FilterRun, SampleOutputs, gate_thresholds
 from schuler.navigation.error_models.catalogue import ErrorModel
 from schuler.navigation.innovation_causes import causes
 from schuler.navigation.lagged import smooth_run_with_lag
-from schuler.navigation.parameter_uncertainty import missing_covariance
+from schuler.navigation.parameter_uncertainty import missing_covariance, with_arm_uncertainty
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.run_findings import findings_of_run
@@ -147,6 +147,10 @@ def run(
         back = smooth_run_with_lag(result, setup.model, imu.time, lag)
         lagged = smoothed_solution(back, {"smoothing": "fixed lag", "lag_s": lag})
         lagged = missing[0].added(lagged) if missing is not None else lagged
+    arm = setup.arm_covariance
+    causal = with_arm_uncertainty(causal, arm)
+    smoothed = smoothed and with_arm_uncertainty(smoothed, arm)
+    lagged = lagged and with_arm_uncertainty(lagged, arm)
     return NavigationRun(causal, smoothed, setup, result, lagged)
 
 

@@ -156,14 +156,25 @@ def prepare_drive(
     if not (settings.estimates_offset or tuned):
         aided = _aided(prepared, gnss, say)
         judged = judge_constraints(prepared.imu, gnss, prepared.setup, aided)
-        done = replace(prepared, setup=judged)
-        return replace(done, setup=fit_split(done.imu, gnss, done.setup))
+        return _finished(replace(prepared, setup=judged), gnss)
     if settings.estimates_offset:
         say("looking for the time offset")
         prepared = start.with_offset(prepared, tuned)
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
-    done = _tuned(prepared, gnss, tuned, say)
-    return replace(done, setup=fit_split(done.imu, gnss, done.setup))
+    return _finished(_tuned(prepared, gnss, tuned, say), gnss)
+
+
+def _finished(prepared: PreparedDrive, gnss: GnssRecording) -> PreparedDrive:
+    """With errors of GNSS by the noise that was found, and a word on an antenna that was."""
+    setup = fit_split(prepared.imu, gnss, prepared.setup)
+    if setup.arm_covariance is not None:
+        settings, condition = setup.settings, setup.condition
+        finding = arm_finding(
+            setup.lever_arm, setup.arm_covariance, settings.arm, asked=settings.estimates_arm
+        )
+        told = replace(condition, findings=(*condition.findings, finding))
+        setup = replace(setup, condition=told)
+    return replace(prepared, setup=setup)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,13 +264,13 @@ class _Start:
             return prepared
         known = replace(self, settings=replace(settings, lever_arm=found.arm))
         imu, alignment, condition = known.aligned(found.offsets.velocity)
-        finding = arm_finding(found, told, asked=asked)
         setup = replace(
             setup,
             lever_arm=found.arm,
+            arm_covariance=np.diag(found.sd**2),
             offsets=found.offsets,
             alignment=alignment,
-            condition=replace(condition, findings=(*condition.findings, finding)),
+            condition=condition,
         )
         return PreparedDrive(imu, setup)
 

@@ -111,8 +111,9 @@ class ParameterSpread:
 
     def columns(self) -> list[dict[str, float]]:
         """Return the columns of a square root of the covariance, none longer than allowed."""
-        # shares of the receiver's claim are at their prior, or known well
-        kept = [k for k, name in enumerate(self.names) if not name.startswith("gnss")]
+        # shares of the receiver's claim are at their prior, or known well; an arm is carried
+        # for itself
+        kept = [k for k, n in enumerate(self.names) if not n.startswith(("gnss", "arm"))]
         square = self.covariance[np.ix_(kept, kept)]
         values, axes = np.linalg.eigh(square)
         root = axes * np.sqrt(np.maximum(values, 0.0))
@@ -155,6 +156,8 @@ class RunSetup:
         Where it changes how the sensors of an array show.
     spread : ParameterSpread or None
         How well the drive tells what was tuned.
+    arm_covariance : (3, 3) ndarray or None
+        Of a lever arm that the drive has told, m²; None: it was told.
     """
 
     model: SensorErrorModel
@@ -171,6 +174,7 @@ class RunSetup:
     settings: NavigationSettings = field(default_factory=NavigationSettings)
     stretches: SensorStretches | None = None
     spread: ParameterSpread | None = None
+    arm_covariance: FloatArray | None = None
 
     @property
     def vehicle_states(self) -> VehicleStates:

@@ -26,14 +26,11 @@ from schuler.navigation.tuning.gnss_errors import (
 )
 from schuler.navigation.tuning.likelihood import enough_to_tune, find_time_offset, innovations
 from schuler.navigation.tuning.scoring import maximise, promised_gain
-from schuler.navigation.tuning.tune import OFFSET_UNIT
+from schuler.navigation.tuning.tune import ARM, ARM_PRIOR_SD, OFFSET_UNIT
 from schuler.screening.screen import Finding
 from schuler.types import FloatArray
 
-ARM = ("arm x", "arm y", "arm z")
 OFFSETS = ("offset position", "offset velocity")
-ARM_PRIOR_SD = 1.0
-"""Of an antenna about where it was told to be, m."""
 LEAST_GAIN = 15.0
 LEAST_CHANGE = 0.3
 LEAST_DEVIATIONS = 3.0
@@ -66,9 +63,13 @@ class LeverArm:
 
     def differs(self, told: FloatArray) -> bool:
         """Whether it is another than was told."""
-        change = np.abs(self.arm - told)
-        sure = change > np.maximum(LEAST_CHANGE, LEAST_DEVIATIONS * self.sd)
-        return self.gain > LEAST_GAIN and bool(np.any(sure))
+        return self.gain > LEAST_GAIN and _another(self.arm, self.sd, told)
+
+
+def _another(arm: FloatArray, sd: FloatArray, told: FloatArray) -> bool:
+    """Whether some component is surely another than was told."""
+    change = np.abs(arm - told)
+    return bool(np.any(change > np.maximum(LEAST_CHANGE, LEAST_DEVIATIONS * sd)))
 
 
 def find_lever_arm(
@@ -173,21 +174,27 @@ class _Fit:
         return promised_gain(lambda y: self.evaluate(y, self.told, arm=True), x, prior, 3)
 
 
-def arm_finding(found: LeverArm, told: FloatArray, *, asked: bool) -> Finding:
+def arm_finding(
+    arm: FloatArray, covariance: FloatArray, told: FloatArray, *, asked: bool
+) -> Finding:
     """What was found of the antenna, in words."""
-    place = ", ".join(f"{a:.2f} ± {s:.2f}" for a, s in zip(found.arm, found.sd, strict=True))
+    sd = np.sqrt(np.diag(covariance))
+    place = ", ".join(f"{a:.2f} ± {s:.2f}" for a, s in zip(arm, sd, strict=True))
     given = ", ".join(f"{a:g}" for a in told)
     text = f"the drive puts the antenna at {place} m from the IMU"
-    if not asked:
+    another = _another(arm, sd, told)
+    if not asked and another:
         text += f", not at the {given} m that were told; taken as found"
-    unknown = [axis for axis, s in zip("xyz", found.sd, strict=True) if s > KNOWN]
+    elif not asked:
+        text += f", which may be the {given} m that were told; what that leaves open is claimed"
+    unknown = [axis for axis, s in zip("xyz", sd, strict=True) if s > KNOWN]
     cure = "measure it and give it (--lever-arm X,Y,Z)"
     if unknown:
         text += f"; it turns too little to tell {' and '.join(unknown)}"
     return Finding(
         "lever arm",
-        "info" if asked and not unknown else "warning",
+        "warning" if unknown or (another and not asked) else "info",
         text,
-        value=float(np.linalg.norm(found.arm - told)),
+        value=float(np.linalg.norm(arm - told)),
         cure=cure if unknown or not asked else "",
     )

@@ -51,6 +51,9 @@ VEHICLE_PRIOR_SD = 0.7
 SPARSE_INTERVAL = 0.5
 # one unit of the search in time offset (s)
 OFFSET_UNIT = 0.01
+ARM = ("arm x", "arm y", "arm z")
+# of an antenna about where it was told or found to be, m
+ARM_PRIOR_SD = 1.0
 # least factor on a receiver's standard deviations of position: innovations cannot see errors that
 # change slowly, so a smaller one would claim what nobody knows
 LEAST_POSITION_FACTOR = 0.5
@@ -135,6 +138,8 @@ class Sought:
         if self.offsets:
             names += ["offset position"]
             names += ["offset velocity"] if gnss.velocity is not None else []
+        # found with noise that forgives everything: the noise of the drive tells it better
+        names += ARM if start.arm_covariance is not None else ()
         return tuple(n for n in names if n not in self.fixed)
 
 
@@ -179,6 +184,9 @@ def tune(
     setup = setup_at(held | values, start)
     if not held:
         setup = replace(setup, spread=ParameterSpread(names, found.covariance))
+    if ARM[0] in names:
+        place = names.index(ARM[0])
+        setup = replace(setup, arm_covariance=found.covariance[place:, place:])
     return Tuning(
         setup=setup,
         values=held | values,
@@ -218,6 +226,8 @@ def _prior_and_floor(name: str, prior_sd: float) -> tuple[float, float]:
     """Inverse variance of the prior about zero, and the least value, of a parameter."""
     if "offset" in name:
         return 0.0, -np.inf
+    if name in ARM:
+        return ARM_PRIOR_SD**-2, -np.inf
     if "vibration" in name:
         return 1.0, 0.0
     if name == WHITE:
@@ -261,6 +271,7 @@ def setup_at(x: Mapping[str, float], start: RunSetup) -> RunSetup:
             start.vibration.gyro + x.get("vibration gyro", 0.0),
         ),
         offsets=TimeOffsets(float(position), float(velocity)),
+        lever_arm=start.lever_arm + [x.get(n, 0.0) for n in ARM],
         vehicle=vehicle,
     )
     return with_split(done, x)
