@@ -8,6 +8,7 @@ a plot of thousands of points stays small.
 from __future__ import annotations
 
 import base64
+import math
 from typing import Any, Literal
 
 import numpy as np
@@ -152,8 +153,9 @@ def axis(
     """Return an axis."""
     result: dict[str, Any] = {"title": {"text": plain(title)}}
     if log:
-        result |= {"type": "log", "dtick": 1, "exponentformat": "power", "showexponent": "all"}
-        low, high = limits or (1e-9, 1.0)
+        result |= {"type": "log", "exponentformat": "power", "showexponent": "all"}
+        low, high = limits or (1e-8, 1.0)
+        result["dtick"] = max(1, math.ceil(math.log10(high / low) / 8.0))  # labels stay apart
         if low > 1e-4 and high < 1e5:
             result["tickformat"] = "~g"
         if high / low < 100.0:

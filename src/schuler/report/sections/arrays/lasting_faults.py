@@ -86,7 +86,7 @@ def _figures(result: LastingFaults) -> FigureGrid:
             line(time, excess, "@data", "one axis or unit", width=1.0),
             line(time, one, "@error", "threshold", dash="dash"),
         ),
-        axis("Time (s)"),
+        axis("time in s"),
         axis("Over threshold", log=True, limits=limits(excess, chi, one, log=True)),
         spans=spans,
     )
@@ -95,8 +95,8 @@ def _figures(result: LastingFaults) -> FigureGrid:
         "Motion",
         "Mean rate of every window",
         (line(time, speed, "@data", "mean rate", width=1.0),),
-        axis("Time (s)"),
-        axis("Rate (deg/s)", limits=limits(speed)),
+        axis("time in s"),
+        axis("rate in deg/s", limits=limits(speed)),
     )
     return FigureGrid(
         (test, motion),

@@ -138,7 +138,7 @@ def _weight_figure(fused: FusedSensor) -> Figure:
         f"{TITLES[sensors.sensor]}: weights",
         "Share of each IMU in the information through time",
         traces,
-        axis("Time (s)"),
+        axis("time in s"),
         axis("Weight", limits=(0.0, 1.08 * largest)),
     )
 
@@ -163,8 +163,8 @@ def _noise_figure(fused: FusedSensor) -> Figure:
         f"{TITLES[sensors.sensor]}: noise",
         "Standard deviation of a sample of each IMU and of all together through time",
         traces,
-        axis("Time (s)"),
-        axis(f"Deviation ({unit})", log=True, limits=limits(*levels, lines, log=True)),
+        axis("time in s"),
+        axis(f"deviation in {unit}", log=True, limits=limits(*levels, lines, log=True)),
     )
 
 
@@ -329,7 +329,7 @@ def _fault_figures(s: SensorFaults) -> FigureGrid:
             line(time, followed.statistic, "@data", "D", width=0.8),
             line(time, s.thresholds, "@error", "threshold", dash="dash"),
         ),
-        axis("Time (s)"),
+        axis("time in s"),
         axis("D", log=True, limits=limits(followed.statistic, s.thresholds, log=True)),
         spans=spans,
     )
@@ -346,7 +346,7 @@ def _fault_figures(s: SensorFaults) -> FigureGrid:
             *(line(moments, v, _colour(j), names[j]) for j, v in enumerate(levels)),
             line(moments[[0, -1]], [1.0, 1.0], "@error", "threshold", dash="dash"),
         ),
-        axis("Time (s)"),
+        axis("time in s"),
         axis("F / threshold", log=True, limits=(1e-2, highest)),
         spans=spans,
     )

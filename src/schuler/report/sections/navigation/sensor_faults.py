@@ -58,7 +58,7 @@ def _time_line(told: dict[str, Any], begin: float, end: float) -> FigureGrid:
         "Sensors that were out",
         "When each sensor was used, and when it was out",
         traces,
-        axis("Time (s)", limits=(begin, end)),
+        axis("time in s", limits=(begin, end)),
         axis("", limits=(-0.6, len(names) - 0.4)) | ticks,
     )
     legend = (
