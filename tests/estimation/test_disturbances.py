@@ -14,7 +14,7 @@ from benchmarks.identification import CASES, PER_HOUR, PER_ROOT_HOUR, flicker, m
 import schuler
 from schuler.data.imu import ImuRecording
 from schuler.errors import InputError
-from schuler.estimation.disturbances.covariates import without_covariates
+from schuler.estimation.disturbances.covariates import _width, without_covariates
 from schuler.estimation.disturbances.lines import without_lines
 from schuler.noise.effects import Effect, compensated
 from schuler.noise.gauss_markov import BiasInstability
@@ -281,3 +281,19 @@ def test_what_was_taken_off_is_said_in_units_of_the_sensor() -> None:
     said = [line for line in found.findings if line.startswith("gyro_x: ")]
     assert any("deg/h per K, which was taken off" in line for line in said)
     assert any("0.3 Hz" in line and "deg/s was taken out" in line for line in said)
+
+
+@pytest.mark.parametrize(
+    ("read_noise", "step", "least", "most"),
+    [(0.0, 0.0, 1, 1), (0.03, 0.0, 8, 30), (0.0, 0.2, 5, 99)],
+)
+def test_a_column_is_smoothed_as_far_as_its_own_noise_asks(
+    read_noise: float, step: float, least: int, most: int
+) -> None:
+    """Smoothed further, what the signal follows quickly stays in it and looks like noise."""
+    rng = np.random.default_rng(11)
+    column = np.cumsum(0.0075 * rng.standard_normal(40_000))
+    column += read_noise * rng.standard_normal(column.size)
+    if step:
+        column = np.round(column / step) * step
+    assert least <= _width(column, 160) <= most

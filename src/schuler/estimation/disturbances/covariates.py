@@ -61,12 +61,14 @@ def without_covariates(
     block = signal.size // _BLOCKS
     if not usable or block < 1 or signal.size // max(block, 1) < _FEWEST_BLOCKS:
         return Regression(signal, (), tuple(flags))
-    smooth = {name: _smoothed(values, block) for name, values in usable.items()}
+    smooth = {name: _smoothed(values, _width(values, block)) for name, values in usable.items()}
+    # a derivative has more noise of the column than what it is taken of
+    slow = {name: _smoothed(values, block) for name, values in usable.items()}
     reference = {name: float(values.mean()) for name, values in smooth.items()}
     terms = {
-        (name, power): term_of(power, smooth[name] - reference[name], rate)
+        (name, power): term_of(power, source[name] - reference[name], rate)
         for name in smooth
-        for power in ("linear", "square", "rate")
+        for power, source in (("linear", smooth), ("square", smooth), ("rate", slow))
     }
     means = _means(signal, block)
     means = means - means.mean()
@@ -109,6 +111,22 @@ def _usable(
             continue
         usable[name] = values
     return usable, flags
+
+
+def _width(values: FloatArray, most: int) -> int:
+    """Samples whose mean has least error: noise of the column against its own motion.
+
+    Differences grow with their lag as a random walk does, and start with the noise; what is
+    printed in steps has at least their noise.
+    """
+    steps = np.diff(values)
+    near, far = float(np.mean(steps**2)), float(np.mean((values[most:] - values[:-most]) ** 2))
+    motion = max((far - near) / max(most - 1, 1), 1e-300)
+    noise = max(0.5 * (near - motion), 0.0)
+    moved = np.abs(steps[steps != 0.0])
+    if 2 * moved.size < steps.size and moved.size:
+        noise = max(noise, float(np.median(moved)) ** 2 / 12.0)
+    return int(np.clip(math.sqrt(12.0 * noise / motion), 1, most))
 
 
 def _smoothed(values: FloatArray, width: int) -> FloatArray:
