@@ -227,8 +227,14 @@ def _uncertainty(comparison: MechanizationComparison) -> Section:
         )
     return Section(
         "Claimed uncertainty",
-        (FigureGrid(tuple(figures), _legend(comparison), columns=3),),
-        ("What each filter says of itself; the shaded stretches are without GNSS.",),
+        (
+            FigureGrid(
+                tuple(figures),
+                _legend(comparison),
+                columns=3,
+                caption="What each filter says of itself; the shaded stretches are without GNSS.",
+            ),
+        ),
     )
 
 
@@ -277,6 +283,13 @@ def _biases(comparison: MechanizationComparison) -> Section:
     )
     return Section(
         "Biases of every sensor",
-        (FigureGrid(tuple(figures), legend, columns=1), Prose(text)),
-        ("Bias estimates at the end of the run, axis by axis.",),
+        (
+            FigureGrid(
+                tuple(figures),
+                legend,
+                columns=1,
+                caption="Bias estimates at the end of the run, axis by axis.",
+            ),
+            Prose(text),
+        ),
     )
