@@ -70,7 +70,7 @@ def squares(solution: NavigationSolution, profile: Profile) -> float:
 
 
 def kinds(solution: NavigationSolution) -> set[str]:
-    return {f["kind"] for f in solution.settings["findings"]}
+    return {f["kind"] for f in solution.findings}
 
 
 def test_a_smoother_claims_what_it_is_off_by_once_errors_may_last() -> None:

@@ -100,7 +100,7 @@ class Exportable(ToDict):
             Part of the title of the wanted plots, where the report has several; the first ones
             by default.
         backend : {"plotly", "matplotlib"}
-            Library that draws; both come with ``pip install 'schuler[figures]'``.
+            Library that draws.
 
         Returns
         -------

@@ -245,6 +245,11 @@ class NavigationSolution(Exportable):
         sd: FloatArray = np.sqrt(np.maximum(diagonal, 0.0))
         return sd
 
+    @property
+    def findings(self) -> list[dict[str, Any]]:
+        """What the run has to say: kind, severity, message, value and cure of each finding."""
+        return list(self.settings.get("findings", ()))
+
     def to_columns(self) -> dict[str, FloatArray]:
         """Return named columns, in the units of their names, with standard deviations.
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,9 +39,18 @@ class _Page:
 
 @lru_cache(maxsize=1)
 def plotly_script() -> str:
-    """Return the source of plotly.js (its basic bundle: lines and points) beside the template."""
-    path = Path(__file__).parent / "assets" / "plotly-basic.min.js"
-    return path.read_text(encoding="utf-8").replace("</script", "<\\/script")
+    """Return the source of plotly.js that is installed with the package."""
+    spec = find_spec("plotly")  # importing plotly would cost more than reading one file of it
+    if spec is None or spec.origin is None:
+        raise InputError("plotly is not installed", cure="pip install plotly")
+    path = Path(spec.origin).parent / "package_data" / "plotly.min.js"
+    try:
+        source = path.read_text(encoding="utf-8")
+    except OSError:
+        raise InputError(
+            "the installed plotly has no plotly.min.js", cure="pip install --force-reinstall plotly"
+        ) from None
+    return source.replace("</script", "<\\/script")
 
 
 def safe_json(value: Any) -> str:

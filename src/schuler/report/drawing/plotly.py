@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import ceil
 from typing import Any
 
-from schuler.data.exportable import optional
 from schuler.report.blocks import FigureGrid
 from schuler.report.drawing.palette import dressed, key_of, palette, rgba
 
@@ -14,7 +13,6 @@ _DASHES = {"dash": "dash", "dot": "dot"}
 
 def plotly_figure(grid: FigureGrid) -> Any:
     """Return a grid of plots as one figure with subplots."""
-    optional("plotly", "figures")
     from plotly.subplots import make_subplots
 
     count = len(grid.figures)
