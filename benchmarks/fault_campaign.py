@@ -204,7 +204,8 @@ def judge(
             usual, known = size, told
             rows.append((name, "healthy" if size < LIMIT else "dishonest", size))
             continue
-        fresh = told - known
+        # what a run without fault calls not to be believed is not silent with one
+        fresh = told - known | (told & {"claims"})
         if size <= max(LIMIT, 2.0 * usual):
             verdict = "coped"
         else:
