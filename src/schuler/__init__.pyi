@@ -117,6 +117,7 @@ from .evaluation.compare import ResultComparison as ResultComparison
 from .evaluation.compare import compare_results as compare_results
 from .evaluation.error_model_comparison import ErrorModelComparison as ErrorModelComparison
 from .evaluation.error_model_comparison import compare_error_models as compare_error_models
+from .evaluation.filter_experiment import FilterExperiment as FilterExperiment
 from .evaluation.mechanizations import MechanizationComparison as MechanizationComparison
 from .evaluation.mechanizations import bias_correlation as bias_correlation
 from .evaluation.mechanizations import compare_mechanizations as compare_mechanizations
@@ -253,6 +254,7 @@ __all__ = [
     "FaultDetection",
     "FaultSettings",
     "FiguresOfMerit",
+    "FilterExperiment",
     "FilterState",
     "FosFit",
     "GarchFit",

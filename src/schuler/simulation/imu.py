@@ -229,11 +229,14 @@ def _temperature(ideal: ImuRecording) -> FloatArray:
 def _measured(truth: FloatArray, added: FloatArray, errors: TriadErrors) -> FloatArray:
     matrix = np.asarray(errors.matrix, dtype=np.float64)
     bias = np.asarray(errors.bias, dtype=np.float64)
-    return _digitize(truth + truth @ matrix.T + bias + added, errors)
+    turned = truth + truth @ matrix.T if matrix.any() else truth
+    return _digitize(turned + bias + added, errors)
 
 
 def _digitize(values: FloatArray, errors: TriadErrors) -> FloatArray:
-    limited = np.clip(values, -errors.saturation, errors.saturation)
+    limited = values
+    if np.isfinite(errors.saturation):
+        limited = np.clip(values, -errors.saturation, errors.saturation)
     if errors.quantization_step > 0.0:
         limited = errors.quantization_step * np.round(limited / errors.quantization_step)
     return np.asarray(limited)
