@@ -1,11 +1,11 @@
 """What grows how: samples of one record, logs of a fleet, runs of a Monte Carlo, workers.
 
-    python -m benchmarks.scale samples [SIZE ...]   Allan and joint fit in pieces, 1e5 to 1e9 samples
+    python -m benchmarks.scale samples [SIZE ...]   Allan and joint fit in pieces
     python -m benchmarks.scale logs [COUNT ...]     a database of 1 to 10 000 logs (figures made up)
     python -m benchmarks.scale workers              200 logs of 10 min by one and by two workers
     python -m benchmarks.scale trials [RUNS]        filters of 5 min, 15 states, beside their kernel
     python -m benchmarks.scale sweep                outages on rtk-drive by one and by two threads
-    python -m benchmarks.scale page                 docs/cost-against-size.md out of what was measured
+    python -m benchmarks.scale page                 docs/cost-against-size.md of what was measured
 
 Every figure is kept in benchmarks/results/scale.json, with the load of the machine when it was
 taken; the page is made of that file alone. The records are written below the folder of temporary
@@ -38,7 +38,7 @@ RESULTS = Path(__file__).parent / "results" / "scale.json"
 PAGE = Path(__file__).parents[1] / "docs" / "cost-against-size.md"
 SIZES = (1e5, 1e6, 1e7, 1e8)
 COUNTS = (1, 10, 100, 1000, 10_000)
-IN_MEMORY = 1e8
+IN_MEMORY = 1e7
 """Samples up to which the record is also fitted in memory."""
 RATE = 1000.0
 BLOCK = 1 << 20
@@ -83,19 +83,23 @@ def write_record(path: Path, samples: int) -> None:
 
 def fit_record(path: Path, how: str) -> dict[str, float]:
     """Allan deviation and joint fit of a record, in pieces or in memory; CPU s, and MB at most."""
-    import polars
-
     from schuler.curves.allan import allan_deviation
+    from schuler.curves.spectrum import power_spectral_density
     from schuler.estimation.joint_fit import fit_factors, identify_curve
     from schuler.estimation.long_record import characterize_pieces
+    from schuler.io import read_imu
     from schuler.io.pieces import read_imu_pieces
+    from schuler.screening.screen import screen
 
     begin = time.process_time()
     if how == "pieces":
-        pieces = read_imu_pieces(path, rate=RATE, columns={"gyro_x": "gyro_x_rad_s"})
+        pieces = read_imu_pieces(path, rate=RATE)
         found = characterize_pieces(pieces, "W+K").channels["gyro_x"]
-    else:
-        signal = polars.read_parquet(path)["gyro_x_rad_s"].to_numpy().astype(np.float64)
+    else:  # the same steps, each on the whole record
+        imu = read_imu(path, rate=RATE)
+        screen(imu)
+        signal = imu.channel("gyro_x")
+        power_spectral_density(signal, RATE, onesided=False, segment=min(1 << 16, signal.size // 2))
         factors = fit_factors(signal.size)
         found = identify_curve(allan_deviation(signal, RATE, factors / RATE), "W+K")
     return {
@@ -262,6 +266,87 @@ def sweep() -> None:
         })  # fmt: skip
 
 
+# the page
+
+
+def page() -> None:
+    """Write the page of what was measured."""
+    known = json.loads(RESULTS.read_text())
+    kinds = {k: known.get(k, {}) for k in ("samples", "logs", "workers", "trials", "sweep")}
+    lines = [HEAD]
+    rows = []
+    sizes = sorted({k.split()[0] for k in kinds["samples"]}, key=float)
+    for size in sizes:
+        one, whole = (kinds["samples"].get(f"{size} {how}") for how in ("pieces", "memory"))
+        per = 1e6 / float(size)
+        rows.append((
+            f"{float(size):.0e}", one and one["cpu_s"], one and f"{per * one['cpu_s']:.3g}",
+            one and one["memory_mb"], whole and whole["cpu_s"], whole and whole["memory_mb"],
+        ))  # fmt: skip
+    columns = ("samples", "CPU s", "µs a sample", "MB at most", "in memory CPU s", "MB at most")
+    lines += ["## One record, one channel", "", *table(columns, rows), "", SAMPLES]
+    rows = [(f"{int(k):,}".replace(",", " "), *(v[n] for n in LOG_FIGURES))
+            for k, v in sorted(kinds["logs"].items(), key=lambda i: int(i[0]))]  # fmt: skip
+    columns = ("logs", "entering one, ms", "summary, s", "database, kB a log")
+    lines += ["## A fleet", "", *table(columns, rows), "", LOGS]
+    for kind, title, text in (
+        ("workers", "Static logs by processes", WORKERS),
+        ("trials", "Many filters", TRIALS),
+        ("sweep", "A sweep of outages by threads", SWEEP_TEXT),
+    ):
+        if not kinds[kind]:
+            continue
+        first = next(iter(kinds[kind].values()))
+        names = [n for n in first if n != "band"]
+        rows = [(k, *(v.get(n) for n in names)) for k, v in sorted(kinds[kind].items())]
+        columns = ("", *(n.replace("_", " ") for n in names))
+        lines += [f"## {title}", "", *table(columns, rows), "", text]
+    PAGE.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+
+
+LOG_FIGURES = ("enter_ms_a_log", "summary_s", "database_kb_a_log")
+HEAD = """# Cost against size
+
+<!-- made by python -m benchmarks.scale page -->
+
+What grows how, measured on a shared machine of two cores (CPU seconds; wall times are told with the
+load, the number of processes that wanted a core, because they mean little without it), by
+`python -m benchmarks.scale`. Records and logs are simulated; those of a fleet of more than a few
+hundred logs are made-up figures, because only the database is asked there.
+"""
+SAMPLES = """Reading Parquet, screening, Allan deviation, spectrum and joint fit; every sample is
+read once. Beyond a million samples the cost a sample stands still and memory does not grow. What
+limits next is reading and screening on one core. Files of a dataset are independent: sums of
+parts (`--sums-out`) by as many processes as there are cores are the next step.
+"""
+LOGS = """Work on the logs themselves is the same for each (see below). What limits next is the
+summary: it holds every figure in memory, some 18 a log, and grows in proportion.
+"""
+WORKERS = """Each log stands alone. What limits next is the memory of processes (about 250 MB each)
+and the one writer of the database.
+"""
+TRIALS = """The filter (start, schedule, kernel, judging) beside its kernel alone; drawing noise and
+fixes is told by itself. What limits next is drawing: twelve streams of random numbers a run.
+"""
+SWEEP_TEXT = """Runs that share no fixes go to threads, because the kernels of the filter let go of
+the interpreter. What limits next is the number of runs that a sweep falls into, and memory for the
+smoothers of all that run at once.
+"""
+
+
+def table(columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> list[str]:
+    """Rows of Markdown."""
+
+    def told(cell: Any) -> str:
+        return "–" if cell is None else str(cell)
+
+    return [
+        "| " + " | ".join(columns) + " |",
+        "|" + "---|" * len(columns),
+        *("| " + " | ".join(map(told, row)) + " |" for row in rows),
+    ]
+
+
 def main() -> None:
     what, *rest = sys.argv[1:] or ["page"]
     if what == "fit":
@@ -276,6 +361,8 @@ def main() -> None:
         trials(int(rest[0]) if rest else 1000)
     elif what == "sweep":
         sweep()
+    elif what == "page":
+        page()
     else:
         raise SystemExit(__doc__)
 

@@ -82,6 +82,8 @@ class ImuRecording(Exportable):
             # NaN makes both comparisons false
             if float(array.min()) >= -_LARGEST and float(array.max()) <= _LARGEST:
                 continue
+            if np.isnan(array).all():
+                continue
             for j, axis in enumerate("xyz"):
                 column = array[:, j]
                 low, high = float(column.min()), float(column.max())

@@ -13,6 +13,8 @@ from typing import ParamSpec, TypeVar
 
 from schuler.errors import InputError
 
+PATIENCE = 10.0
+"""Seconds in which a scheduler has to answer."""
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -111,7 +113,7 @@ def _cluster(address: str) -> Iterator[Executor]:
     from distributed import Client
 
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
             f"no Dask scheduler answers ({error})",

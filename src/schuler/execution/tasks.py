@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -73,7 +80,7 @@ def run_tasks(
         if told is not None:
             told(task.key, len(done), len(tasks))
 
-    starts = 0
+    starts, gone = 0, False
     while left := [task for task in tasks if task.key not in done]:
         starts += 1
         # when a process was killed, a new pool does what is left; from the third time on one
@@ -82,6 +89,14 @@ def run_tasks(
         try:
             with crew.start() as executor:
                 _spread(left, executor, ahead, finish)
+        except CancelledError:  # nobody here cancels: it was the scheduler, perhaps restarted
+            gone = True
+            if starts >= MOST_STARTS:
+                raise _gone("it went away again and again") from None
+        except InputError as error:
+            if gone:
+                raise _gone(error.found) from None
+            raise
         except BrokenExecutor:
             alone = next(task for task in left if task.key not in done) if ahead == 1 else None
             if alone is not None and lost is not None:
@@ -93,6 +108,14 @@ def run_tasks(
                     cure="use fewer processes (memory?), and go on with what is kept",
                 ) from None
     return {task.key: done[task.key] for task in tasks}
+
+
+def _gone(why: str) -> InputError:
+    return InputError(
+        f"the scheduler is gone ({why})",
+        expected="one that stays until the work is done",
+        cure="start it again and run the same command: what was done is kept",
+    )
 
 
 def _spread(
