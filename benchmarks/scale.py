@@ -112,7 +112,7 @@ def fit_record(path: Path, how: str) -> dict[str, float]:
 
 
 def samples(sizes: list[float]) -> None:
-    for size in sizes:
+    for size in sorted(sizes):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "record.parquet"
             write_record(path, int(size))
@@ -276,7 +276,7 @@ def page() -> None:
     lines = [HEAD]
     rows = []
     sizes = sorted({k.split()[0] for k in kinds["samples"]}, key=float)
-    for size in sizes:
+    for size in sorted(sizes):
         one, whole = (kinds["samples"].get(f"{size} {how}") for how in ("pieces", "memory"))
         per = 1e6 / float(size)
         rows.append((

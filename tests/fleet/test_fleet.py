@@ -329,6 +329,28 @@ def test_a_sensor_that_ages_is_told(tmp_path: Path) -> None:
     assert trends[0].slope == pytest.approx(0.05, abs=4.0 * trends[0].standard_error)
 
 
+def test_a_warmer_year_is_not_ageing(tmp_path: Path) -> None:
+    rng = np.random.default_rng(8)
+    with FleetDatabase(tmp_path / "a.sqlite") as database:
+        for unit in range(6):
+            for year in range(7):
+                warm = 15.0 + 4.0 * year + 3.0 * rng.standard_normal()
+                ageing = 0.05 * year * (unit == 2)
+                value = np.exp(0.01 * (warm - 20.0) + ageing + 0.002 * rng.standard_normal())
+                database.save(
+                    f"{unit}{year}",
+                    {
+                        "file": f"{unit}{year}", "sensor": "X", "serial": f"SN{unit}",
+                        "date": f"{2020 + year}-01-01", "temperature": warm,
+                        "kind": "noise", "status": "done",
+                        "figures": [("gyro_x", "N", value, 0.002 * value, None)],
+                    },
+                )  # fmt: skip
+        trends = summarise_fleet(database).trends
+    assert [t.serial for t in trends if t.per == "year"] == ["SN2"]
+    assert next(t for t in trends if t.per == "K").slope == pytest.approx(0.01, rel=0.3)
+
+
 def test_the_command_line(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     database, page, text = (tmp_path / n for n in ("f.sqlite", "f.html", "f.json"))
     command = ["batch", str(fleet / "logs.csv"), "--out", str(database), "--processes", "1"]

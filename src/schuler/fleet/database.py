@@ -29,6 +29,7 @@ UPGRADES = (
     """,
     """
     ALTER TABLE log ADD COLUMN calibration TEXT NOT NULL DEFAULT '';
+    CREATE INDEX log_file ON log (file, kind);
     """,
 )
 """What turns version k into k + 1; the first makes an empty file a database."""

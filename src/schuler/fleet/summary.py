@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import stats
@@ -25,6 +25,9 @@ LEVEL = 0.01
 FEWEST_UNITS, FEWEST_LOGS = 5, 4
 """Sensors from which one can stand out, and logs of one sensor that make a trend."""
 _YEAR = 365.25 * 86400.0
+
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +112,8 @@ class FleetSummary(ToDict):
     parameters : tuple of FleetParameter
         Of every kind of sensor and axis.
     outliers, trends : tuple
-        Those beyond chance (1 % for the whole fleet), the surest first.
+        Those beyond chance (1 % for the whole fleet), the surest first; trends with time less
+        what the kind of sensor shows of temperature.
     worst : tuple of (str, str, float)
         Kind, serial number and how many times the white noise of the fleet, the worst first.
     drives : tuple of dict
@@ -171,8 +175,10 @@ def summarise_fleet(database: FleetDatabase) -> FleetSummary:
         if one.kind == "noise":
             groups[one.sensor, one.axis, one.name].append(one)
     seen = {k: [m for m in g if _usable(m)] for k, g in groups.items()}
-    parameters = [_pooled(k, g, len(groups[k]) - len(g)) for k, g in seen.items() if g]
     units = {k: _by_unit(g) for k, g in seen.items() if g}
+    parameters = [
+        _pooled(k, of, len(seen[k]), len(groups[k]) - len(seen[k])) for k, of in units.items()
+    ]
     return FleetSummary(
         tuple(parameters),
         _outliers(units),
@@ -210,7 +216,7 @@ def paule_mandel(value: FloatArray, error: FloatArray) -> tuple[float, float, fl
     _, _, q = weighted(0.0)
     low, high = 0.0, float(np.ptp(value)) + 1e-300
     if q > value.size - 1:
-        for _ in range(60):
+        for _ in range(30):  # to a billionth of the range
             middle = 0.5 * (low + high)
             low, high = (middle, high) if weighted(middle)[2] > value.size - 1 else (low, middle)
     mean, total, _ = weighted(low)
@@ -225,12 +231,14 @@ def _by_unit(group: Sequence[Measurement]) -> dict[str, tuple[float, float]]:
     return {serial: paule_mandel(*_logarithms(some))[:2] for serial, some in logs.items()}
 
 
-def _pooled(key: tuple[str, str, str], group: Sequence[Measurement], unseen: int) -> FleetParameter:
-    of_units = np.array(list(_by_unit(group).values()))
+def _pooled(
+    key: tuple[str, str, str], of_unit: Mapping[str, tuple[float, float]], logs: int, unseen: int
+) -> FleetParameter:
+    of_units = np.array(list(of_unit.values()))
     mean, error, spread, p = paule_mandel(of_units[:, 0], of_units[:, 1])
     value = math.exp(mean)
     count = len(of_units)
-    return FleetParameter(*key, count, len(group), unseen, value, value * error, spread, p)
+    return FleetParameter(*key, count, logs, unseen, value, value * error, spread, p)
 
 
 def _outliers(
@@ -278,9 +286,9 @@ def _trends(groups: Mapping[tuple[str, str, str], Sequence[Measurement]]) -> tup
         candidates.append(
             (sensor, "", axis, name, "K", warm, [float(m.temperature or 0.0) for m in warm])
         )
-        dated = [(m, _seconds(m.date)) for m in group]
-        for serial in dict.fromkeys(m.serial for m in group):
-            own = [(m, s) for m, s in dated if m.serial == serial and s is not None]
+        dated = [(m, _seconds(m.date)) for m in _at_one_temperature(group, warm)]
+        for serial, known in _by_serial(dated, lambda d: d[0].serial).items():
+            own = [(m, s) for m, s in known if s is not None]
             candidates.append(
                 (sensor, serial, axis, name, "year", [m for m, _ in own],
                  [s / _YEAR for _, s in own])
@@ -293,20 +301,49 @@ def _trends(groups: Mapping[tuple[str, str, str], Sequence[Measurement]]) -> tup
     return tuple(sorted(found, key=lambda t: t.p_value))
 
 
+def _at_one_temperature(
+    group: Sequence[Measurement], warm: Sequence[Measurement]
+) -> Sequence[Measurement]:
+    """Take off what the kind of sensor shows of temperature: a warm summer is no ageing."""
+    fit = _slope(warm, [float(m.temperature or 0.0) for m in warm])
+    if fit is None or fit[2] > LEVEL:
+        return group
+    each = [
+        _slope(own, [float(m.temperature or 0.0) for m in own])
+        for own in _by_serial(warm, lambda m: m.serial).values()
+    ]
+    # the median of the sensors: one that ages in a warming room does not bend it
+    slope = float(np.median([f[0] for f in each if f is not None] or [fit[0]]))
+    middle = float(np.mean([float(m.temperature or 0.0) for m in warm]))
+    out = []
+    for one in group:
+        if one.temperature is not None:  # where it is not known, nobody can tell the two apart
+            factor = math.exp(-slope * (one.temperature - middle))
+            error = None if one.standard_error is None else one.standard_error * factor
+            one = replace(one, value=(one.value or 0.0) * factor, standard_error=error)
+        out.append(one)
+    return out
+
+
+def _by_serial(items: Iterable[T], serial: Callable[[T], str]) -> dict[str, list[T]]:
+    out: dict[str, list[T]] = defaultdict(list)
+    for one in items:
+        out[serial(one)].append(one)
+    return out
+
+
 def _slope(group: Sequence[Measurement], at: Sequence[float]) -> tuple[float, float, float] | None:
     """Return slope, its standard error and p over logs; each sensor has a level of its own."""
-    serials = sorted({m.serial for m in group})
+    serials, which = np.unique([m.serial for m in group], return_inverse=True)
     freedom = len(group) - len(serials) - 1
     if len(group) < FEWEST_LOGS or freedom < 2:
         return None
     value, error = _logarithms(group)
     x = np.array(at)
-    for serial in serials:
-        own = np.array([m.serial == serial for m in group])
-        weight = 1.0 / error[own] ** 2
-        x[own] -= np.average(x[own], weights=weight)
-        value[own] -= np.average(value[own], weights=weight)
     weight = 1.0 / error**2
+    of_all = np.bincount(which, weight)
+    x -= (np.bincount(which, weight * x) / of_all)[which]
+    value -= (np.bincount(which, weight * value) / of_all)[which]
     total = float(np.sum(weight * x**2))
     if not total > 0.0:
         return None

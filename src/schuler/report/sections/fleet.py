@@ -70,7 +70,8 @@ def _short(result: FleetSummary) -> tuple[str, ...]:
     ageing = sorted({t.serial for t in result.trends if t.serial})
     for verb, who in (("Standing out", standing), ("Changing with time", ageing)):
         if who:
-            lines.append(f"{verb}: {', '.join(who[:6])}{' ...' if len(who) > 6 else ''}.")
+            more = f" and {len(who) - 6} more" if len(who) > 6 else ""
+            lines.append(f"{verb}: {', '.join(who[:6])}{more}.")
     if result.failures:
         lines.append(f"{len(result.failures)} of {result.logs} logs could not be used.")
     return tuple(lines[:3])
