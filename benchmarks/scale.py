@@ -329,7 +329,7 @@ TRIALS = """The filter (start, schedule, kernel, judging) beside its kernel alon
 fixes is told by itself. What limits next is drawing: twelve streams of random numbers a run.
 """
 SWEEP_TEXT = """Runs that share no fixes go to threads, because the kernels of the filter let go of
-the interpreter. What limits next is the number of runs that a sweep falls into, and memory for the
+the interpreter. Under this load wall times favour the run with more threads: the ratio is no proof. What limits next is the number of runs that a sweep falls into, and memory for the
 smoothers of all that run at once.
 """
 
