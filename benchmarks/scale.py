@@ -315,11 +315,13 @@ load, the number of processes that wanted a core, because they mean little witho
 hundred logs are made-up figures, because only the database is asked there.
 """
 SAMPLES = """Reading Parquet, screening, Allan deviation, spectrum and joint fit; every sample is
-read once. Beyond a million samples the cost a sample stands still and memory does not grow. What
+read once. From ten million samples on the cost a sample does not rise, and memory by a few MB
+a tenfold length (sums of longer clusters). What
 limits next is reading and screening on one core. Files of a dataset are independent: sums of
 parts (`--sums-out`) by as many processes as there are cores are the next step.
 """
-LOGS = """Work on the logs themselves is the same for each (see below). What limits next is the
+LOGS = """Work on the logs themselves is the same for each, and not in this table. What
+limits next is the
 summary: it holds every figure in memory, some 18 a log, and grows in proportion.
 """
 WORKERS = """Each log stands alone. What limits next is the memory of processes (about 250 MB each)
@@ -329,8 +331,9 @@ TRIALS = """The filter (start, schedule, kernel, judging) beside its kernel alon
 fixes is told by itself. What limits next is drawing: twelve streams of random numbers a run.
 """
 SWEEP_TEXT = """Runs that share no fixes go to threads, because the kernels of the filter let go of
-the interpreter. Under this load wall times favour the run with more threads: the ratio is no proof. What limits next is the number of runs that a sweep falls into, and memory for the
-smoothers of all that run at once.
+the interpreter. Under load wall times
+favour the run with more threads: the ratio here is no proof. What limits next is the number of
+runs that a sweep falls into, and memory for the smoothers of all that run at once.
 """
 
 
