@@ -4,9 +4,9 @@
 
 Case k of a seed is the same in every run. Cases run one after the other in a child process with
 limits, which is replaced when it ends or has grown; a find is a foreign exception, an end of the
-process, more than 10 s of CPU or a minute of waiting, or more than 1 GB. Where the reader tries a
-file in a process of its own first (MATLAB), the child is that process: an end there is what the
-reader refuses, and is counted beside the finds. Finds of a few kB go to tests/io/finds, which the
+process, more than 10 s of CPU or a minute of waiting, or more than 1 GB. Where the reader decodes
+a file in a process of its own (MATLAB), the child is that process: an end there is what the reader
+refuses, and is counted beside the finds. Finds of a few kB go to tests/io/finds, which the
 tests read again.
 """
 
@@ -34,6 +34,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 SECONDS = 10.0
 WAITING = 60.0
@@ -47,7 +48,7 @@ NASTY = (
 WORDS = [0, 1, 127, 128, 255, 256, 32767, 65535, *(2**k + d for k in (31, 32, 63) for d in (-1, 0))]
 Find = tuple[int, str, str]
 """Case, what happened, and where."""
-TRIED = "ended where it was tried first"
+TRIED = "ended in a decoder that has a process of its own"
 TOKEN = re.compile(rb"[-+.\w]+")
 
 
@@ -175,7 +176,7 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
     faulthandler.register(signal.SIGXCPU, chain=True)
     with TemporaryDirectory() as folder, place.open("r+b") as stream:
         at = mmap.mmap(stream.fileno(), 9)
-        matlab.rehearse = partial(rehearse_here, at)  # type: ignore[assignment]
+        matlab.decoded_apart = partial(decode_here, at)  # type: ignore[assignment]
         started = time.monotonic()
         for k in range(first, last):
             if k > first and k % 10_000 == 0:
@@ -200,17 +201,15 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
                 sys.exit(ENOUGH)
 
 
-def rehearse_here(at: mmap.mmap, path: Path, title: str, module: str, name: str) -> None:
-    """Try a file as `schuler.io.formats.rehearsal` does, without a process for each case."""
+def decode_here(at: mmap.mmap, path: Path, title: str, module: str, name: str) -> Any:
+    """Decode a file as `schuler.io.formats.rehearsal` does, without a process for each case."""
     from schuler.io.format import damaged
 
     at[8] = 1
     try:
-        getattr(import_module(module), name)(path)
+        return getattr(import_module(module), name)(path)
     except MemoryError as error:
         raise damaged(path, title, error) from None
-    except Exception:
-        return  # what the reader itself will meet
     finally:
         at[8] = 0
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.format import Format, What, damaged, lacking
-from schuler.io.formats.rehearsal import rehearse
+from schuler.io.formats.rehearsal import decoded_apart
 from schuler.io.source import Columns, MemorySource
 from schuler.io.trajectories.matlab import write_mat, write_recording
 
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 def open_mat(path: Path, what: What, options: ReadOptions) -> MemorySource:
     """Read the struct or the matrix of an IMU or a receiver; all is SI and radians."""
-    rehearse(path, "MATLAB", __name__, "_content")
-    content = _content(path)
+    content = decoded_apart(path, "MATLAB", __name__, "_content")
     nodes = list(_nodes("", content))
     for name, value in nodes:
         if isinstance(value, dict):

@@ -1,12 +1,16 @@
-"""Files whose decoders are written in C and trust what they read: tried in a process of its own."""
+"""Files whose decoders are written in C and trust what they read: decoded in another process."""
 
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+from schuler.errors import InputError
 from schuler.io.format import damaged
 
 SECONDS = 120.0
@@ -21,32 +25,42 @@ except (ImportError, ValueError, OSError):
     pass
 from importlib import import_module
 from pathlib import Path
-getattr(import_module({module!r}), {name!r})(Path({file!r}))
+import pickle
+from schuler.errors import InputError
+try:
+    found = getattr(import_module({module!r}), {name!r})(Path({file!r}))
+except InputError as error:
+    found = error
+sys.stdout.buffer.write(pickle.dumps(found))
 """
 
 
-def rehearse(path: Path, title: str, module: str, name: str) -> None:
-    """Let another process read a file; when that does not survive it, the file is refused.
+def decoded_apart(path: Path, title: str, module: str, name: str) -> Any:
+    """Return what a function of a module makes of a file, called in another process.
 
-    What the reader raises is left to the caller's own attempt, as is everything where no other
-    process can be started. Costs about half a second.
+    A file that ends that process is refused; memory that its decoder spoils is not ours. Costs
+    about half a second. Where no other process can be started, the function is called here.
     """
     if not sys.executable:
-        return
+        return getattr(import_module(module), name)(path)
     size = path.stat().st_size
     code = _LIMITS.format(path=sys.path, size=size, module=module, name=name, file=str(path))
     try:
         done = subprocess.run(
             [sys.executable, "-c", code],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL, capture_output=True,
             timeout=SECONDS, check=False, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise damaged(path, title, TimeoutError(f"not read in {SECONDS:g} s")) from None
     except OSError:
-        return
+        return getattr(import_module(module), name)(path)
     last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
     if last.startswith("MemoryError"):
         raise damaged(path, title, MemoryError("it claims more than there is"))
-    if done.returncode < 0 or done.returncode > 1:  # a signal, or how Windows tells of a crash
+    if done.returncode:
         raise damaged(path, title, RuntimeError(f"its decoder ends with {done.returncode}"))
+    found = pickle.loads(done.stdout)
+    if isinstance(found, InputError):
+        raise found
+    return found
