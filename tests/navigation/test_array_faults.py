@@ -246,3 +246,17 @@ def test_noise_that_begins_counts_from_its_first_row_on() -> None:
     # 25 in the end; what was known at the beginning of the row would make it 1
     assert factor[begin] > 10.0
     assert np.all(np.abs(factor[begin + 2 :] / 25.0 - 1.0) < 0.3)
+
+
+def test_parity_of_unequal_sensors_claims_the_noise_that_it_has() -> None:
+    ready = prepared(False)
+    time, rng = ready.array.time, np.random.default_rng(8)
+    density = white_variances(ready.models) * np.geomspace(0.1, 10.0, 12)
+    noise_of_all = (time[:1], density[None])
+    table = sensor_table(time, ready.array.mounting, ready.models, (), noise_of_all)
+    drawn = np.sqrt(density[1]) * rng.standard_normal((20_000, 12))
+    found = Parity(ready.array, table, ready.models, 3).measured(1, 0, drawn, np.zeros((12, 3)))
+    assert found is not None
+    seen, claimed = np.cov(found[0].T), found[2]
+    whiten = np.linalg.inv(np.linalg.cholesky(claimed))
+    np.testing.assert_allclose(whiten @ seen @ whiten.T, np.eye(9), atol=0.06)
