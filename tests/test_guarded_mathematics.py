@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from schuler import earth
 from schuler.arrays.geometry import Geometry, tetrahedron_mounting
 from schuler.arrays.merit import parity_matrix
 from schuler.arrays.redundant import redundant_sensors
@@ -16,12 +17,14 @@ from schuler.curves.autocorrelation import autocorrelation
 from schuler.data import ImuArray, Mounting
 from schuler.estimation.orthogonal_search.search import fast_orthogonal_search
 from schuler.kernels.navigation.update import add_rate_noise
-from schuler.navigation.engine import gate_thresholds
+from schuler.navigation.aiding.schedule import POSITION, VELOCITY, AidingSchedule
+from schuler.navigation.engine import FilterRun, InitialState, gate_thresholds, run_engine
 from schuler.navigation.error_models.sensor_error_model import sensor_error_model
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.mechanizations.array_model import extended_model, fusion_of
 from schuler.noise import NoiseModel, WhiteNoise
 from schuler.rotations import dcm_from_euler, skew
+from schuler.simulation import ideal_imu, static
 
 
 def white_model(density: float) -> NoiseModel:
@@ -111,3 +114,46 @@ def test_parity_of_unequal_sensors_is_blind_to_motion_and_white() -> None:
     np.testing.assert_allclose(parity @ axes, 0.0, atol=1e-12)
     covariance = (parity * deviation**2) @ parity.T
     np.testing.assert_allclose(covariance, np.eye(9), atol=1e-12)
+
+
+def one_measurement(
+    kind: int, value: list[float], variance: list[float], lever: tuple[float, float, float]
+) -> FilterRun:
+    """A filter that knows its state, level at rest, and one measurement after half a second."""
+    profile, model = static(2.0), sensor(0.02)
+    imu = ideal_imu(profile, 50.0)
+    truth = profile.trajectory(imu.time[:1])
+    covariance = np.zeros((9 + model.size, 9 + model.size))
+    start = InitialState(
+        truth.position[0], truth.velocity[0], truth.rotation[0], np.zeros(model.size), covariance
+    )
+    north, east = earth.metres_per_radian(truth.position[0])
+    place = truth.position[0] + np.array(value) / [float(north), float(east), -1.0]
+    schedule = AidingSchedule(
+        np.array([0.02]),
+        np.array([kind]),
+        np.array([place if kind == POSITION else value]),
+        np.array([variance]),
+        np.array([lever]),
+    )
+    return run_engine(imu, start, model, schedule, gate=gate_thresholds(1e-3))
+
+
+def test_the_filter_adds_the_noise_of_the_gyros_to_the_velocity_of_an_antenna() -> None:
+    near, far = (
+        one_measurement(VELOCITY, [0.0] * 3, [1e-4] * 3, (arm, 0.0, 0.0)) for arm in (0.0, 2.0)
+    )
+    more = far.aiding.deviation[0] ** 2 - near.aiding.deviation[0] ** 2
+    # one sample of 20 ms with 0.02 rad/s/sqrt(Hz), across an arm of 2 m that points north
+    np.testing.assert_allclose(more, [0.0, 0.08, 0.08], atol=2e-3)
+
+
+@pytest.mark.parametrize(("components", "taken"), [(1, False), (3, True)])
+def test_the_filter_asks_the_gate_of_as_many_degrees_as_were_measured(
+    components: int, taken: bool
+) -> None:
+    # 13 lies between the limits for one and for three degrees of freedom, 10.8 and 16.3
+    off, sd = [np.sqrt(13.0), 0.0, 0.0], [1.0] * components + [np.inf] * (3 - components)
+    run = one_measurement(POSITION, off, sd, (0.0, 0.0, 0.0))
+    assert abs(run.aiding.nis[0] - 13.0) < 0.1 and run.aiding.degrees[0] == components
+    assert bool(run.aiding.accepted[0]) is taken
