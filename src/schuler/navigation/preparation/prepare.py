@@ -35,6 +35,7 @@ from schuler.navigation.preparation.diagnosis import (
 from schuler.navigation.preparation.drive_screening import screen_drive
 from schuler.navigation.preparation.felt_lag import find_felt_lag
 from schuler.navigation.preparation.gaps import DriveCondition, align_segments, split_at_gaps
+from schuler.navigation.preparation.later_start import later_start
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -275,8 +276,7 @@ class _Start:
         return PreparedDrive(imu, setup)
 
     def _fitting(self, prepared: PreparedDrive) -> PreparedDrive:
-        condition = _require_fit(prepared.imu, self.gnss, prepared.setup, self.align_one)
-        return replace(prepared, setup=replace(prepared.setup, condition=condition))
+        return _require_fit(prepared, self.gnss, self.align_one)
 
 
 def _tuned(
@@ -327,14 +327,17 @@ def _name_wrong_unit(imu: ImuRecording, align_one: Callable[[ImuRecording], Alig
 
 
 def _require_fit(
-    imu: ImuRecording,
+    prepared: PreparedDrive,
     gnss: GnssRecording,
-    setup: RunSetup,
     align_one: Callable[[ImuRecording, float, bool, float], Alignment],
-) -> DriveCondition:
-    """Stop when the IMU cannot have felt what GNSS saw and a slip explains it; say it if none."""
+) -> PreparedDrive:
+    """Stop when the IMU cannot have felt what GNSS saw and a slip explains it; say it if none.
+
+    A start that later motion contradicts is left out.
+    """
+    imu, setup = prepared.imu, prepared.setup
     if gnss.velocity is None:
-        return setup.condition
+        return prepared
     part = imu.between(float(imu.time[0]), float(imu.time[0]) + LONGEST)
     restarts = [r for r in setup.restarts(gnss) if r[0] < part.time[-1] - 1.0]
     offset = setup.offsets.velocity
@@ -355,9 +358,20 @@ def _require_fit(
 
     trial = tried(part, setup.alignment, restarts)
     if trial.misfit < DOUBTFUL:
-        return setup.condition
+        return prepared
     first = part.between(float(part.time[0]), setup.condition.first_break)
     here = tried(first, setup.alignment, ())
+    later = later_start(
+        first,
+        gnss,
+        setup,
+        here,
+        lambda other: align_one(other, offset, False, 1.0),
+        lambda other, start: tried(other, start, ()),
+    )
+    if later is not None:
+        begun = replace(_telling(setup, later.finding), alignment=later.alignment)
+        return PreparedDrive(imu.between(later.moment, np.inf), begun)
     # a start that leaves twice what the whole drive may leave is not worth a longer look
     hopeless = max(1.0, 2.0 * CLEARLY * here.misfit)
     slip = find_slip(
@@ -371,7 +385,7 @@ def _require_fit(
             where=imu.name,
         )
     if trial.misfit < BAD:
-        return setup.condition
+        return prepared
     finding = Finding(
         "disagreement",
         "warning",
@@ -380,7 +394,12 @@ def _require_fit(
         value=trial.misfit,
         cure="check time offset, lever arm, axes and units",
     )
-    return replace(setup.condition, findings=(*setup.condition.findings, finding))
+    return PreparedDrive(imu, _telling(setup, finding))
+
+
+def _telling(setup: RunSetup, finding: Finding) -> RunSetup:
+    findings = (*setup.condition.findings, finding)
+    return replace(setup, condition=replace(setup.condition, findings=findings))
 
 
 def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSetup:
@@ -396,8 +415,7 @@ def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSe
     if zupt and plain.smoothed is not None:
         standing, finding = judge_standing(imu, plain.smoothed)
         if finding is not None:
-            told = (*setup.condition.findings, finding)
-            setup = replace(setup, condition=replace(setup.condition, findings=told))
+            setup = _telling(setup, finding)
     if "nhc" not in constraints:
         return replace(
             setup, vehicle=VehicleConstraint(constraints, np.eye(3), -1, standing=standing)

@@ -22,6 +22,7 @@ from schuler.navigation.innovation_likelihood import InnovationSequence, slower_
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.tuning.likelihood import enough_to_tune, innovations
 from schuler.navigation.tuning.scoring import maximise
+from schuler.navigation.tuning.standing_errors import wander_at_stands
 from schuler.navigation.tuning.vibration import level_at, vibration_level
 from schuler.screening.screen import Finding
 from schuler.types import BoolArray, FloatArray
@@ -111,7 +112,33 @@ def fit_split(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> RunSet
         return found.select(moving(found.time))
 
     found = maximise(evaluate, start, prior, floor)
-    return _judged(at(found.x), dict(zip(names, found.sd.tolist(), strict=True)))
+    done = _judged(at(found.x), dict(zip(names, found.sd.tolist(), strict=True)))
+    return _as_at_stands(imu, gnss, done)
+
+
+def _as_at_stands(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> RunSetup:
+    """With errors that last no smaller than fixes show while the vehicle stands, and say it."""
+    split = setup.measurements.correlated
+    assert isinstance(split, GnssErrorModel)
+    wander = wander_at_stands(imu, gnss, setup.offsets.position)
+    least = wander.least_slow(split.white, split.correlation_time, MOST_SLOW)
+    if least <= split.slow:
+        return setup
+    split = replace(split, slow=least, told=True)
+    farthest = int(np.argmax(np.linalg.norm(wander.way, axis=1)))
+    finding = Finding(
+        "claims",
+        "warning",
+        f"while the vehicle stands GNSS positions wander, by "
+        f"{np.linalg.norm(wander.way[farthest]):.2g} m in {wander.seconds[farthest]:.0f} s where "
+        f"the receiver claims {wander.sd[farthest].max():.2g} m: "
+        + str(split.to_dict()["gnss_errors"]),
+        value=least,
+        cure="give the receiver's true deviation (--gnss-position-sd)",
+    )
+    condition = replace(setup.condition, findings=(*setup.condition.findings, finding))
+    measurements = replace(setup.measurements, correlated=split)
+    return replace(setup, measurements=measurements, condition=condition)
 
 
 def _moving(imu: ImuRecording, fixes: FloatArray) -> Callable[[FloatArray], BoolArray]:
