@@ -41,6 +41,8 @@ MOST_SLOW = 16.0
 FEWEST_FIXES = 20
 TOLD = 0.5
 """Standard error, in nepers, below which a drive is said to tell."""
+WORTH_SAYING = 1.5
+"""Factor by which stands raise the slow share that is said: less is chance as well."""
 LARGE = 3.0
 """Shares of the claimed variance above it are not the receiver's alone."""
 
@@ -124,7 +126,10 @@ def _as_at_stands(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> Ru
     least = wander.least_slow(split.white, split.correlation_time, MOST_SLOW)
     if least <= split.slow:
         return setup
-    split = replace(split, slow=least, told=True)
+    before, split = split.slow, replace(split, slow=least, told=True)
+    setup = replace(setup, measurements=replace(setup.measurements, correlated=split))
+    if least < WORTH_SAYING * before:
+        return setup
     farthest = int(np.argmax(np.linalg.norm(wander.way, axis=1)))
     finding = Finding(
         "claims",
@@ -137,8 +142,7 @@ def _as_at_stands(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> Ru
         cure="give the receiver's true deviation (--gnss-position-sd)",
     )
     condition = replace(setup.condition, findings=(*setup.condition.findings, finding))
-    measurements = replace(setup.measurements, correlated=split)
-    return replace(setup, measurements=measurements, condition=condition)
+    return replace(setup, condition=condition)
 
 
 def _moving(imu: ImuRecording, fixes: FloatArray) -> Callable[[FloatArray], BoolArray]:
