@@ -163,3 +163,24 @@ def test_a_mounting_file_that_does_not_fit_is_named(tmp_path: Path) -> None:
         place.write_text(bad)
         with pytest.raises(InputError, match=MOUNTING_FILE):
             read_array(out)
+
+
+def test_recordings_of_different_rides_are_no_array() -> None:
+    one, other = twin("aligned", "motorcycle"), twin("aligned", "drone")
+    n = min(len(one.time), len(other.time))
+
+    def with_others(*strangers: int, from_row: int = 0, until_row: int | None = None) -> ImuArray:
+        gyro, accel = one.gyro[:n].copy(), one.accel[:n].copy()
+        for i in strangers:
+            gyro[:, i], accel[:, i] = other.gyro[:n, i], other.accel[:n, i]
+            gyro[:from_row, i] = np.nan
+        if until_row is not None:
+            gyro[until_row:, [i for i in range(4) if i not in strangers]] = np.nan
+        return replace(one, time=one.time[:n], gyro=gyro, accel=accel)
+
+    with pytest.raises(InputError, match="do not move as"):
+        synthesize(with_others(2, 3))
+    # one that differs may be a fault, which is looked for
+    require_common_axes(with_others(3), broken_may_pass=True)
+    with pytest.raises(InputError, match="no moment in common"):
+        synthesize(with_others(2, 3, from_row=n // 2, until_row=n // 2))

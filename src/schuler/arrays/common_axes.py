@@ -37,6 +37,10 @@ LIVELY = 0.75
 """Share of the means that is too calm to tell what turns explain."""
 GRAVITY = (8.8, 10.8)
 """Median length of a specific force in which gravity can be recognised, m/s²."""
+COMMON_MOTION = 0.6
+"""Correlation of the rates' lengths below which two IMUs do not share a motion."""
+MOVING = float(np.radians(3.0))
+"""Spread of the rates' lengths from which there is a motion to share, rad/s."""
 MOST_ROWS = 20_000
 """Means that are enough to find how IMUs are turned."""
 
@@ -111,12 +115,44 @@ def require_common_axes(array: ImuArray, *, broken_may_pass: bool = False) -> No
     """
     if array.count < 2:
         return
+    _require_one_motion(array, one_may_differ=broken_may_pass and array.count > 2)
     found = check_axes(array)
     if found.turned.any():
         raise _turned_error(array, found)
     several = np.count_nonzero(found.broken) > 1 or array.count == 2
     if found.broken.any() and not (broken_may_pass and not several):
         raise _broken_error(array, found)
+
+
+def _require_one_motion(array: ImuArray, *, one_may_differ: bool) -> None:
+    """Raise where recordings are of different times, or of different bodies.
+
+    The length of a rate knows nothing of axes. One IMU that differs may be a fault.
+    """
+    speed = np.linalg.norm(_means(array.gyro, array.rate, RATE_BLOCK), axis=2)
+    whole = speed[np.isfinite(speed).all(axis=1)]
+    if not len(whole) and np.isfinite(speed).any(axis=0).all():
+        raise InputError(
+            f"{array.names[0]} and the other IMUs have no moment in common",
+            expected="recordings of one time",
+            cure="name only files of one recording",
+        )
+    if len(whole) < 10:
+        return
+    spread = np.ptp(np.quantile(whole, [0.1, 0.9], axis=0), axis=0)
+    moving = np.flatnonzero(spread > MOVING)
+    if moving.size < 2:
+        return
+    alike = np.corrcoef(whole[:, moving].T) > COMMON_MOTION
+    reference = int(np.argmax(alike.sum(axis=1)))
+    others = [array.names[i] for i in moving[~alike[reference]]]
+    if len(others) > one_may_differ:
+        raise InputError(
+            f"IMUs do not move as {array.names[moving[reference]]} does: {', '.join(others)}",
+            expected="IMUs on one rigid body, recorded at one time",
+            cure="name only files of one recording; or bring their clocks together first "
+            "(schuler calibrate tells delays)",
+        )
 
 
 def _means(vectors: FloatArray, rate: float, seconds: float) -> FloatArray:

@@ -238,8 +238,8 @@ def levels(results: Results, size: Size) -> Found:
 
 
 def _significant(difference: FloatArray, size: Size) -> Band:
-    """More than two standard errors of the paired difference; with three seeds the sign must do."""
-    if size == "quick":
+    """More than two standard errors of the paired difference; with few seeds the sign must do."""
+    if size == "quick" or difference.size < 4:
         return Band(0.0, np.inf, "spec", "the sign; more than two standard errors in the full run")
     error = difference.std(ddof=1) / np.sqrt(difference.size)
     return Band(2.0 * float(error), np.inf, "spec", "two standard errors of the paired difference")
