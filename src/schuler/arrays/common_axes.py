@@ -139,7 +139,7 @@ def _require_one_motion(array: ImuArray, *, one_may_differ: bool) -> None:
         )
     if len(whole) < 10:
         return
-    spread = np.ptp(np.quantile(whole, [0.1, 0.9], axis=0), axis=0)
+    spread = np.ptp(np.quantile(whole, [0.02, 0.98], axis=0), axis=0)
     moving = np.flatnonzero(spread > MOVING)
     if moving.size < 2:
         return
