@@ -7,7 +7,7 @@ without zero velocities, or with none at all.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -50,7 +50,7 @@ def judge_constraints(
         kept = trial.vehicle is not None and trial.vehicle.constraints == aided.vehicle.constraints
         if found.log_likelihood > best.log_likelihood + (0.0 if kept else CONVINCING):
             now, best, told = replace(trial, condition=aided.condition), found, words
-    return _saying(now, _findings(told, best))
+    return now.telling(*_findings(told, best))
 
 
 def _weaker(plain: RunSetup, aided: RunSetup) -> Iterator[tuple[RunSetup, str]]:
@@ -101,8 +101,3 @@ def _findings(told: str, found: InnovationSequence) -> list[Finding]:
             )
         )
     return findings
-
-
-def _saying(setup: RunSetup, findings: Sequence[Finding]) -> RunSetup:
-    told = (*setup.condition.findings, *findings)
-    return replace(setup, condition=replace(setup.condition, findings=told))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, Unpack
 
@@ -12,7 +12,6 @@ from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import InputError, NavigationError
 from schuler.navigation.aiding.gnss import require_overlap, require_possible
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
-from schuler.navigation.engine import InitialState
 from schuler.navigation.error_models.sensor_error_model import (
     generic_noise_model,
     sensor_error_model,
@@ -21,21 +20,11 @@ from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.alignment import Alignment, align
 from schuler.navigation.preparation.constraint_judge import judge_constraints
-from schuler.navigation.preparation.diagnosis import (
-    BAD,
-    CLEARLY,
-    DOUBTFUL,
-    GYROS_IN_DEGREES,
-    LONGEST,
-    Trial,
-    find_slip,
-    try_drive,
-    turns_too_fast,
-)
+from schuler.navigation.preparation.diagnosis import GYROS_IN_DEGREES, turns_too_fast
+from schuler.navigation.preparation.drive_fit import require_fit
 from schuler.navigation.preparation.drive_screening import screen_drive
 from schuler.navigation.preparation.felt_lag import find_felt_lag
 from schuler.navigation.preparation.gaps import DriveCondition, align_segments, split_at_gaps
-from schuler.navigation.preparation.later_start import later_start
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -54,7 +43,6 @@ from schuler.navigation.tuning.lever_arm import arm_finding, find_lever_arm
 from schuler.navigation.tuning.likelihood import enough_to_tune, find_time_offset, velocity_lag
 from schuler.navigation.tuning.tune import Sought, tune
 from schuler.noise.noise_model import NoiseModel
-from schuler.screening.screen import Finding
 
 # seconds around the first guess within which a time offset is looked for: where nothing tells it,
 # and where accelerations do
@@ -169,12 +157,9 @@ def _finished(prepared: PreparedDrive, gnss: GnssRecording) -> PreparedDrive:
     """With errors of GNSS by the noise that was found, and a word on an antenna that was."""
     setup = fit_split(prepared.imu, gnss, prepared.setup)
     if setup.arm_covariance is not None:
-        settings, condition = setup.settings, setup.condition
-        finding = arm_finding(
-            setup.lever_arm, setup.arm_covariance, settings.arm, asked=settings.estimates_arm
-        )
-        told = replace(condition, findings=(*condition.findings, finding))
-        setup = replace(setup, condition=told)
+        arm, covariance, settings = setup.lever_arm, setup.arm_covariance, setup.settings
+        finding = arm_finding(arm, covariance, settings.arm, asked=settings.estimates_arm)
+        setup = setup.telling(finding)
     return replace(prepared, setup=setup)
 
 
@@ -276,7 +261,8 @@ class _Start:
         return PreparedDrive(imu, setup)
 
     def _fitting(self, prepared: PreparedDrive) -> PreparedDrive:
-        return _require_fit(prepared, self.gnss, self.align_one)
+        imu, setup = require_fit(prepared.imu, self.gnss, prepared.setup, self.align_one)
+        return PreparedDrive(imu, setup)
 
 
 def _tuned(
@@ -326,82 +312,6 @@ def _name_wrong_unit(imu: ImuRecording, align_one: Callable[[ImuRecording], Alig
     ) from None
 
 
-def _require_fit(
-    prepared: PreparedDrive,
-    gnss: GnssRecording,
-    align_one: Callable[[ImuRecording, float, bool, float], Alignment],
-) -> PreparedDrive:
-    """Stop when the IMU cannot have felt what GNSS saw and a slip explains it; say it if none.
-
-    A start that later motion contradicts is left out.
-    """
-    imu, setup = prepared.imu, prepared.setup
-    if gnss.velocity is None:
-        return prepared
-    part = imu.between(float(imu.time[0]), float(imu.time[0]) + LONGEST)
-    restarts = [r for r in setup.restarts(gnss) if r[0] < part.time[-1] - 1.0]
-    offset = setup.offsets.velocity
-
-    def tried(
-        recording: ImuRecording, alignment: Alignment, later: Sequence[tuple[float, InitialState]]
-    ) -> Trial:
-        state = replace(setup, alignment=alignment).initial_state(recording, gnss)
-        return try_drive(
-            recording,
-            gnss,
-            state,
-            later,
-            gyro_bias=alignment.gyro_bias,
-            lever_arm=setup.lever_arm,
-            velocity_offset=offset,
-        )
-
-    trial = tried(part, setup.alignment, restarts)
-    if trial.misfit < DOUBTFUL:
-        return prepared
-    first = part.between(float(part.time[0]), setup.condition.first_break)
-    here = tried(first, setup.alignment, ())
-    later = later_start(
-        first,
-        gnss,
-        setup,
-        here,
-        lambda other: align_one(other, offset, False, 1.0),
-        lambda other, start: tried(other, start, ()),
-    )
-    if later is not None:
-        begun = replace(_telling(setup, later.finding), alignment=later.alignment)
-        return PreparedDrive(imu.between(later.moment, np.inf), begun)
-    # a start that leaves twice what the whole drive may leave is not worth a longer look
-    hopeless = max(1.0, 2.0 * CLEARLY * here.misfit)
-    slip = find_slip(
-        first, here, lambda other: tried(other, align_one(other, offset, True, hopeless), ())
-    )
-    if slip is not None:
-        raise NavigationError(
-            f"the IMU did not feel what GNSS saw; it would have if {slip.name}",
-            expected="right-handed axes, rates in rad/s and specific force in m/s^2",
-            cure=slip.cure,
-            where=imu.name,
-        )
-    if trial.misfit < BAD:
-        return prepared
-    finding = Finding(
-        "disagreement",
-        "warning",
-        "IMU and GNSS do not fit each other, even with forgiving noise (innovations "
-        f"{np.sqrt(trial.misfit):.1f} times what they should be)",
-        value=trial.misfit,
-        cure="check time offset, lever arm, axes and units",
-    )
-    return PreparedDrive(imu, _telling(setup, finding))
-
-
-def _telling(setup: RunSetup, finding: Finding) -> RunSetup:
-    findings = (*setup.condition.findings, finding)
-    return replace(setup, condition=replace(setup.condition, findings=findings))
-
-
 def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSetup:
     """Add what the vehicle tells; where it has to, a first pass without it finds the mounting."""
     imu, setup = prepared.imu, prepared.setup
@@ -415,7 +325,7 @@ def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSe
     if zupt and plain.smoothed is not None:
         standing, finding = judge_standing(imu, plain.smoothed)
         if finding is not None:
-            setup = _telling(setup, finding)
+            setup = setup.telling(finding)
     if "nhc" not in constraints:
         return replace(
             setup, vehicle=VehicleConstraint(constraints, np.eye(3), -1, standing=standing)

@@ -26,6 +26,7 @@ from schuler.navigation.preparation.gaps import SOUND, DriveCondition
 from schuler.navigation.settings import NavigationSettings
 from schuler.navigation.stepping import NO_VEHICLE, InitialState, SensorStretches, VehicleStates
 from schuler.navigation.tuning.vibration import VibrationResponse, vibration_level
+from schuler.screening.screen import Finding
 from schuler.types import FloatArray
 
 CONSTANT_NOISE = VibrationResponse()
@@ -180,6 +181,11 @@ class RunSetup:
     def vehicle_states(self) -> VehicleStates:
         """Where the filter finds what it knows of the vehicle."""
         return NO_VEHICLE if self.vehicle is None else self.vehicle.states
+
+    def telling(self, *more: Finding) -> RunSetup:
+        """Return the same setup with more to say of the drive."""
+        findings = (*self.condition.findings, *more)
+        return replace(self, condition=replace(self.condition, findings=findings))
 
     def with_sensors(self, base: SensorErrorModel) -> RunSetup:
         """Return the same setup with other sensors: noise factors, then states of all aiding."""

@@ -141,8 +141,7 @@ def _as_at_stands(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> Ru
         value=least,
         cure="give the receiver's true deviation (--gnss-position-sd)",
     )
-    condition = replace(setup.condition, findings=(*setup.condition.findings, finding))
-    return replace(setup, condition=condition)
+    return setup.telling(finding)
 
 
 def _moving(imu: ImuRecording, fixes: FloatArray) -> Callable[[FloatArray], BoolArray]:
@@ -184,5 +183,4 @@ def _judged(setup: RunSetup, sd: dict[str, float]) -> RunSetup:
         cure="check lever arm, time offset and axes: what is wrong with them looks like errors of "
         "the receiver; else give its true deviation (--gnss-position-sd)",
     )
-    condition = setup.condition
-    return replace(setup, condition=replace(condition, findings=(*condition.findings, finding)))
+    return setup.telling(finding)

@@ -1,0 +1,96 @@
+"""Whether an IMU felt what GNSS saw: a slip of axes stops a drive, a wrong start is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import NavigationError
+from schuler.navigation.engine import InitialState
+from schuler.navigation.preparation.alignment import Alignment
+from schuler.navigation.preparation.diagnosis import (
+    BAD,
+    CLEARLY,
+    DOUBTFUL,
+    LONGEST,
+    Trial,
+    find_slip,
+    try_drive,
+)
+from schuler.navigation.preparation.later_start import later_start
+from schuler.navigation.preparation.setup import RunSetup
+from schuler.screening.screen import Finding
+
+
+def require_fit(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    setup: RunSetup,
+    align_one: Callable[[ImuRecording, float, bool, float], Alignment],
+) -> tuple[ImuRecording, RunSetup]:
+    """Stop when the IMU cannot have felt what GNSS saw and a slip explains it; say it if none.
+
+    A start that later motion contradicts is left out.
+    """
+    if gnss.velocity is None:
+        return imu, setup
+    part = imu.between(float(imu.time[0]), float(imu.time[0]) + LONGEST)
+    restarts = [r for r in setup.restarts(gnss) if r[0] < part.time[-1] - 1.0]
+    offset = setup.offsets.velocity
+
+    def tried(
+        recording: ImuRecording, alignment: Alignment, later: Sequence[tuple[float, InitialState]]
+    ) -> Trial:
+        state = replace(setup, alignment=alignment).initial_state(recording, gnss)
+        return try_drive(
+            recording,
+            gnss,
+            state,
+            later,
+            gyro_bias=alignment.gyro_bias,
+            lever_arm=setup.lever_arm,
+            velocity_offset=offset,
+        )
+
+    trial = tried(part, setup.alignment, restarts)
+    if trial.misfit < DOUBTFUL:
+        return imu, setup
+    first = part.between(float(part.time[0]), setup.condition.first_break)
+    here = tried(first, setup.alignment, ())
+    later = later_start(
+        first,
+        gnss,
+        setup,
+        here,
+        lambda other: align_one(other, offset, False, 1.0),
+        lambda other, start: tried(other, start, ()),
+    )
+    if later is not None:
+        begun = replace(setup.telling(later.finding), alignment=later.alignment)
+        return imu.between(later.moment, np.inf), begun
+    # a start that leaves twice what the whole drive may leave is not worth a longer look
+    hopeless = max(1.0, 2.0 * CLEARLY * here.misfit)
+    slip = find_slip(
+        first, here, lambda other: tried(other, align_one(other, offset, True, hopeless), ())
+    )
+    if slip is not None:
+        raise NavigationError(
+            f"the IMU did not feel what GNSS saw; it would have if {slip.name}",
+            expected="right-handed axes, rates in rad/s and specific force in m/s^2",
+            cure=slip.cure,
+            where=imu.name,
+        )
+    if trial.misfit < BAD:
+        return imu, setup
+    finding = Finding(
+        "disagreement",
+        "warning",
+        "IMU and GNSS do not fit each other, even with forgiving noise (innovations "
+        f"{np.sqrt(trial.misfit):.1f} times what they should be)",
+        value=trial.misfit,
+        cure="check time offset, lever arm, axes and units",
+    )
+    return imu, setup.telling(finding)
