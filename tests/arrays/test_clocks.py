@@ -13,6 +13,7 @@ from schuler.arrays.clocks.delays import estimate_delays
 from schuler.arrays.clocks.jumps import find_jumps, undo_jumps
 from schuler.arrays.clocks.resampling import resample
 from schuler.arrays.clocks.synchronization import synchronize
+from schuler.arrays.geometry import tetrahedron_mounting
 from schuler.data import CHANNELS, ImuArray, ImuRecording
 from schuler.errors import EstimationError
 from schuler.kernels.noise.viterbi import rare_changes
@@ -157,6 +158,20 @@ def test_jumps_are_found_to_the_sample_and_undone() -> None:
     wrong = np.flatnonzero(~(back.gyro == array.gyro).all(axis=(1, 2)))
     assert wrong.size <= 12
     assert find_jumps(array) == ()
+
+
+def test_noise_of_a_calm_ride_is_no_jump_and_true_jumps_are_found(ride) -> None:
+    """Most of a ride turns slowly: there the noise of the others, shifted, fitted by chance."""
+    place = tetrahedron_mounting(0.05)
+    imus = simulate.simulate_array(
+        ride, place.rotation, place.position, MODEL, 50.0, np.random.default_rng(42)
+    )
+    array = ImuArray.from_recordings(imus, place)
+    assert find_jumps(array) == ()
+    gyro = np.array(array.gyro)
+    gyro[9000:, 2] = array.gyro[8998:-2, 2]
+    (jump,) = find_jumps(replace(array, gyro=gyro))
+    assert (jump.imu, jump.samples, jump.stop) == (2, -2, array.size)
 
 
 def test_the_path_of_states_is_the_best_of_all() -> None:

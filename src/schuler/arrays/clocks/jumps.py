@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -24,6 +24,9 @@ MOST = 20
 """Jumps that are reported at most; where there are more, the stamps are not worth much."""
 CLIP = 8.0
 """Standard deviations at which a residual counts no more: one bad row is no jump."""
+
+SHORTEST_FILTERED = 40
+"""Samples below which nothing is low-passed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,16 +127,17 @@ def find_jumps(
     ()
     """
     require_several(array)
-    found = estimate_delays(array, bandwidth=bandwidth) if delays is None else delays
-    rates = array.gyro
-    if bandwidth is not None:
-        flat = rates.reshape(array.size, -1)
-        rates = low_pass(array.time, flat, bandwidth).reshape(rates.shape)
-    turned = np.einsum("kij,nkj->nki", found.rotation, rates)
     jumps: list[SampleJump] = []
     # A jump of one IMU moves the mean of the others, too: the clearest is undone before the
     # next is looked for.
     for _ in range(MOST):
+        # a jump moves the delays, too, by its share of the record
+        found = estimate_delays(array, bandwidth=bandwidth) if delays is None else delays
+        rates = array.gyro
+        if bandwidth is not None:
+            flat = rates.reshape(array.size, -1)
+            rates = low_pass(array.time, flat, bandwidth).reshape(rates.shape)
+        turned = np.einsum("kij,nkj->nki", found.rotation, rates)
         seen: list[SampleJump] = []
         for i in range(1 if array.count == 2 else 0, array.count):
             likelihood = _likelihoods(array, turned, found.delay, i, largest)
@@ -145,7 +149,7 @@ def find_jumps(
             break
         clearest = max(seen, key=lambda jump: jump.evidence)
         jumps.append(clearest)
-        _move_rows(turned, turned.copy(), clearest)
+        array = undo_jumps(array, (clearest,))
     return tuple(sorted(jumps, key=lambda jump: (jump.imu, jump.first)))
 
 
@@ -164,19 +168,71 @@ def _likelihoods(
     instants = array.time - delay[imu]
     aligned = [resample(array.time, turned[:, i], instants + delay[i]).values for i in others]
     reference = np.median(aligned, axis=0)
-    own = turned[:, imu]
-    bias = np.nanmedian(own - reference, axis=0)
-    slope = np.linalg.norm(rate_of_change(array.time, reference), axis=1)
+    apart = _without_errors_of_scale(turned[:, imu] - reference, reference)
+    motion, noise_of = _motion(array, reference, apart)
+    slope = np.linalg.norm(rate_of_change(array.time, motion), axis=1)
     # row r is off by j when it shows what the others show j rows later
     states = range(-largest, largest + 1)
-    residuals = np.stack([own - bias - _rows_later(reference, j) for j in states], axis=1)
+    changes = [_rows_later(motion, j) - motion for j in states]
+    there = np.min(
+        [
+            _clear_share(c, noise_of(j), round(array.rate))
+            for j, c in zip(states, changes, strict=True)
+            if j
+        ],
+        axis=0,
+    )
+    residuals = np.stack([apart - there[:, None] * change for change in changes], axis=1)
     length = np.linalg.norm(residuals, axis=2)
     noise = _noise(length[:, largest], np.min(length, axis=1), slope * step)
-    correlated = _correlated_samples(residuals[:, largest])
+    correlated = _correlated_samples(apart)
     scaled = np.clip(residuals / noise[:, None, None], -CLIP, CLIP)
     likelihood = -0.5 * np.sum(scaled**2, axis=2) / correlated
     likelihood[np.isnan(likelihood).any(axis=1)] = 0.0
     return np.ascontiguousarray(likelihood)
+
+
+def _motion(
+    array: ImuArray, reference: FloatArray, apart: FloatArray
+) -> tuple[FloatArray, Callable[[int], float]]:
+    """Reference low-passed to where motion stands out of noise, and the noise of its changes.
+
+    Noise of the reference that is shifted with it makes of every stretch of rest a jump by chance.
+    """
+    from scipy.signal import welch
+
+    window = min(256, array.size)
+    frequency, motion = welch(np.nan_to_num(reference), array.rate, nperseg=window, axis=0)
+    noise = welch(np.nan_to_num(apart), array.rate, nperseg=window, axis=0)[1].sum(axis=1)
+    clear = np.flatnonzero(motion.sum(axis=1) > 2.0 * noise)
+    bandwidth = float(frequency[min(clear[-1] + 1 if clear.size else 1, frequency.size - 1)])
+    if bandwidth < 0.45 * array.rate and array.size >= SHORTEST_FILTERED:
+        reference = low_pass(array.time, reference, bandwidth)
+        noise = np.where(frequency <= bandwidth, noise, 0.0)
+
+    def noise_of(rows: int) -> float:
+        gain = 2.0 - 2.0 * np.cos(2.0 * np.pi * frequency * rows / array.rate)
+        return float(np.sum(gain * noise) * frequency[1])
+
+    return reference, noise_of
+
+
+def _without_errors_of_scale(apart: FloatArray, rates: FloatArray) -> FloatArray:
+    """Take off a bias and what follows the rate itself: scale factors and axes are no jumps."""
+    middle = np.nanmedian(apart, axis=0)
+    limit = MAD * 5.0 * np.nanmedian(np.abs(apart - middle), axis=0)
+    good = np.isfinite(apart).all(axis=1)
+    design = np.column_stack([np.ones(apart.shape[0]), rates])
+    clipped = np.clip(apart[good] - middle, -limit, limit)
+    found = np.linalg.lstsq(design[good], clipped, rcond=None)[0]
+    return np.asarray(apart - middle - design @ found)
+
+
+def _clear_share(change: FloatArray, noise: float, window: int) -> FloatArray:
+    """Share of a change of the motion that noise does not explain, about every row."""
+    power = np.nan_to_num(np.sum(change**2, axis=1))
+    power = np.convolve(power, np.ones(window) / window, mode="same")
+    return np.asarray(np.maximum(1.0 - noise / np.maximum(power, 1e-300), 0.0))
 
 
 def _correlated_samples(residual: FloatArray) -> float:
