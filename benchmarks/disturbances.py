@@ -94,7 +94,9 @@ def dirty(seed: int, method: str, *, share: float = 0.01) -> One:
     return out | of(found, WHITE, case.truth["N"])
 
 
-def temperature(seed: int, method: str, *, slope: float = 20.0, kind: str = "K") -> One:
+def temperature(
+    seed: int, method: str, *, slope: float = 20.0, kind: str = "K", step: float = 0.0
+) -> One:
     """12 h at 5 Hz: a day, a warm-up and weather, in deg/h a kelvin and its square; W, K or B."""
     rng, rate, n = np.random.default_rng([seed, 3]), 5.0, 216_000
     dt, density = 1.0 / rate, 0.2 * PER_ROOT_HOUR
@@ -111,6 +113,8 @@ def temperature(seed: int, method: str, *, slope: float = 20.0, kind: str = "K")
     else:
         x += walk(n, dt, size, rng)
     read = 20.0 + degrees + 0.03 * rng.standard_normal(n)
+    if step:
+        read = step * np.round(read / step)
     found = identify(x, rate, method=method, columns={"temperature": read})
     out: One = {"structure": letters(found), "terms": "+".join(e.term for e in found.effects)}
     linear = [e for e in found.effects if e.term == "linear"]
@@ -149,6 +153,9 @@ WHAT: dict[str, tuple[Callable[..., One], dict[str, object]]] = {
     "temperature5": (temperature, {"slope": 5.0}),
     "temperature20": (temperature, {"slope": 20.0}),
     "temperature20B": (temperature, {"slope": 20.0, "kind": "B"}),
+    "irrelevant-step0.5": (temperature, {"slope": 0.0, "step": 0.5}),
+    "temperature5-step0.5": (temperature, {"slope": 5.0, "step": 0.5}),
+    "temperature20-step1": (temperature, {"slope": 20.0, "step": 1.0}),
 }
 
 

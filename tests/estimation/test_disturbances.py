@@ -16,6 +16,7 @@ from schuler.data.imu import ImuRecording
 from schuler.errors import InputError
 from schuler.estimation.disturbances.covariates import _width, without_covariates
 from schuler.estimation.disturbances.lines import without_lines
+from schuler.estimation.disturbances.steps import step_of
 from schuler.noise.effects import Effect, compensated
 from schuler.noise.gauss_markov import BiasInstability
 from schuler.screening.screen import longest_rest, repair_until_clean, screen
@@ -237,6 +238,30 @@ def test_every_method_takes_the_temperature_off(method: str) -> None:
 def test_a_temperature_that_does_not_matter_is_left_alone() -> None:
     x, celsius, rate = warmed(15, 0.0)
     assert without_covariates(x, rate, {"temperature": celsius}).effects == ()
+
+
+@pytest.mark.parametrize("seed", [31, 32])
+def test_steps_of_a_column_do_not_shrink_the_slope_on_it(seed: int) -> None:
+    x, celsius, rate = warmed(seed, 20.0)
+    fine = without_covariates(x, rate, {"temperature": celsius}).effects[0]
+    # levels are where the sensor has them, not at whole numbers
+    found = without_covariates(x, rate, {"temperature": np.round(celsius) + 273.65})
+    linear = found.effects[0]
+    assert abs(linear.coefficient - fine.coefficient) < 1.5 * linear.standard_error
+    assert linear.standard_error < 4.0 * PER_HOUR
+    assert "steps of 1" in found.flags[0]
+
+
+def test_a_column_in_steps_that_does_not_matter_is_left_alone() -> None:
+    x, celsius, rate = warmed(34, 0.0)
+    shown = np.round(celsius * 2.0) / 2.0
+    assert without_covariates(x, rate, {"temperature": shown}).effects == ()
+
+
+@pytest.mark.parametrize(("held", "step"), [(1, 0.0), (50, 0.0), (1, 0.25)])
+def test_steps_are_told_from_values_that_are_held(held: int, step: float) -> None:
+    column = 20.0 + np.repeat(np.cumsum(np.random.default_rng(35).normal(0.0, 0.01, 4000)), held)
+    assert step_of(np.round(column / step) * step if step else column) == pytest.approx(step)
 
 
 def test_columns_that_say_nothing_are_named() -> None:

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from schuler.errors import InputError
+from schuler.estimation.disturbances.steps import Rebuilt, rebuilt, step_of
 from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.noise.effects import Effect, term_of
 from schuler.types import FloatArray
@@ -26,6 +27,7 @@ _FEWEST_BLOCKS = 40
 _CHANCE = 1e-3
 _LEAST_Z = 3.3
 _MOST_TERMS = 3
+_POORLY_KNOWN = 0.3
 _SMALLEST = 1e-12
 _RULES = Rules(damping=1e-3, longest=2.0, ridge=1e-9, gain=(1e-4, 1e-3), iterations=30)
 
@@ -61,17 +63,26 @@ def without_covariates(
     block = signal.size // _BLOCKS
     if not usable or block < 1 or signal.size // max(block, 1) < _FEWEST_BLOCKS:
         return Regression(signal, (), tuple(flags))
-    smooth = {name: _smoothed(values, _width(values, block)) for name, values in usable.items()}
+    means = _means(signal, block)
+    means = means - means.mean()
+    steps = {name: step_of(values) for name, values in usable.items()}
+    between = {name: rebuilt(usable[name], step, block) for name, step in steps.items() if step}
+    known = {name: _followed(means, several, block) for name, several in between.items() if several}
+    smooth = {
+        name: known[name].values if name in known else _smoothed(values, _width(values, block))
+        for name, values in usable.items()
+    }
     # a derivative has more noise of the column than what it is taken of
-    slow = {name: _smoothed(values, block) for name, values in usable.items()}
+    slow = {
+        name: _smoothed(smooth[name] if name in known else values, block)
+        for name, values in usable.items()
+    }
     reference = {name: float(values.mean()) for name, values in smooth.items()}
     terms = {
         (name, power): term_of(power, source[name] - reference[name], rate)
         for name in smooth
         for power, source in (("linear", smooth), ("square", smooth), ("rate", slow))
     }
-    means = _means(signal, block)
-    means = means - means.mean()
     design = {key: _means(x, block) for key, x in terms.items()}
     scale = float(np.std(means)) or 1.0
     chosen, fit = _chosen(means / scale, design)
@@ -80,10 +91,50 @@ def without_covariates(
     for (name, power), value, error in zip(chosen, fit.size, fit.errors, strict=True):
         unit = float(np.std(design[name, power])) or 1.0
         size = scale / unit
-        effect = Effect(name, power, float(value) * size, float(error) * size, reference[name])
+        doubt = known[name].doubt * float(value) if name in known else 0.0
+        wide = math.hypot(float(error), doubt) * size
+        effect = Effect(name, power, float(value) * size, wide, reference[name])
         effects.append(effect)
         left = left - effect.coefficient * terms[name, power]
+    for name, seen in known.items():
+        taken = any(e.column == name for e in effects)
+        flags += _steps_said(name, steps[name], seen, taken, float(np.std(smooth[name])))
     return Regression(left, tuple(effects), tuple(flags))
+
+
+def _followed(means: FloatArray, several: list[Rebuilt], block: int) -> Rebuilt:
+    """Of several ways to rebuild a column the one that the signal follows best.
+
+    How far the slopes of others that fit nearly as well are from its own is part of its error.
+    """
+    kernels = _kernels(means.size)
+    scale = float(np.std(means)) or 1.0
+    start = np.log(np.array([0.3, 0.3, 0.1]))
+    fits = []
+    unit = float(np.std(several[0].values)) or 1.0
+    for one in several:
+        x = _means(one.values, block)
+        x = (x - x.mean()) / unit
+        fits.append(_fitted(means / scale, [x, x**2], kernels, start))
+    likelihood = np.array([f.likelihood for f in fits])
+    slope = np.array([f.size[0] for f in fits])
+    best = int(likelihood.argmax())
+    # what is left is not quite the noise of the model: half of the difference is believed
+    weight = np.exp(0.5 * (likelihood - likelihood[best]))
+    apart = math.sqrt(float(np.sum(weight * (slope - slope[best]) ** 2) / np.sum(weight)))
+    return replace(several[best], doubt=min(apart / max(abs(float(slope[best])), 1e-300), 1.0))
+
+
+def _steps_said(
+    name: str, step: float, seen: Rebuilt, taken: bool, spread: float
+) -> tuple[str, ...]:
+    """Say that a column was rebuilt where it matters, and where its steps are too coarse."""
+    said = f"{name}: it moves in steps of {step:.3g} and was rebuilt between them"
+    if seen.error > _POORLY_KNOWN * spread:
+        return (f"{said}; the steps are too coarse to tell well what follows it",)
+    if not taken:
+        return ()
+    return (f"{said}, to {seen.error:.2g}: what follows less than that stays as noise",)
 
 
 def _usable(
