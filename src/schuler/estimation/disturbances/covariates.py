@@ -122,6 +122,9 @@ def _followed(means: FloatArray, several: list[Rebuilt], block: int) -> Rebuilt:
     # what is left is not quite the noise of the model: half of the difference is believed
     weight = np.exp(0.5 * (likelihood - likelihood[best]))
     apart = math.sqrt(float(np.sum(weight * (slope - slope[best]) ** 2) / np.sum(weight)))
+    # nor is the best of a few sure by more than its neighbours are away
+    beside = np.abs(slope[max(best - 1, 0) : best + 2] - slope[best])
+    apart = max(apart, float(beside.max()))
     return replace(several[best], doubt=min(apart / max(abs(float(slope[best])), 1e-300), 1.0))
 
 
