@@ -30,7 +30,8 @@ def test_the_least_share_is_below_the_true_one_as_often_as_it_says() -> None:
     found = []
     for _ in range(400):
         way = rng.standard_normal((5, 2)) * np.sqrt(variance)[:, None]
-        found.append(Wander(seconds, way, np.full((5, 2), sd)).least_slow(white, time, 16.0))
+        wander = Wander(seconds, way, np.full((5, 2), sd))
+        found.append(wander.least_slow(white, time, 16.0, sure=0.95))
     above = np.mean(np.array(found) > slow)
     assert abs(above - 0.05) < 3.0 * np.sqrt(0.05 * 0.95 / 400.0)
     # ten squares tell it to a factor of two

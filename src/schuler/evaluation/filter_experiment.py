@@ -64,7 +64,7 @@ class FilterExperiment:
     >>> from schuler import FilterExperiment, NoiseModel, WhiteNoise, monte_carlo
     >>> from schuler.simulation import car_urban
     >>> model = NoiseModel.isotropic(WhiteNoise(2e-4), WhiteNoise(2e-3))
-    >>> experiment = FilterExperiment(car_urban(60.0, np.random.default_rng(3)), model)
+    >>> experiment = FilterExperiment(car_urban(120.0, 3), model)
     >>> result = monte_carlo(experiment, runs=20, seed=1)
     >>> mean, low, high = result.squares_within("truth: nees", 9)
     >>> bool(low < mean < high)

@@ -145,7 +145,7 @@ class GnssErrorModel:
     def to_dict(self) -> dict[str, Any]:
         """Return a line for people and plain values for JSON."""
         white, slow = (100.0 * float(np.sqrt(s)) for s in (self.white, self.slow))
-        why = "told by the innovations" if self.told else "this drive does not tell"
+        why = "told by the drive" if self.told else "this drive does not tell"
         return {
             "gnss_errors": f"{white:.0f} % of the claimed sd is white, {slow:.0f} % lasts about "
             f"{self.correlation_time:.0f} s ({why if self.fit else 'given'})",

@@ -113,6 +113,8 @@ def fit_split(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> RunSet
         found = innovations(slow, [gnss], at(x), level)
         return found.select(moving(found.time))
 
+    if not evaluate(start).value.size:
+        return setup
     found = maximise(evaluate, start, prior, floor)
     done = _judged(at(found.x), dict(zip(names, found.sd.tolist(), strict=True)))
     return _as_at_stands(imu, gnss, done)

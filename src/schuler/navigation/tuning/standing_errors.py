@@ -24,7 +24,7 @@ EDGE = 0.5
 """Seconds of its ends that are left out."""
 STILL = 0.1
 """Median speed of GNSS, m/s, above which a vehicle creeps."""
-SURE = 0.95
+SURE = 0.999
 """Probability that errors as small as supposed would have wandered less."""
 
 
@@ -36,7 +36,7 @@ class Wander:
     way: FloatArray
     sd: FloatArray
 
-    def least_slow(self, white: float, time: float, most: float) -> float:
+    def least_slow(self, white: float, time: float, most: float, sure: float = SURE) -> float:
         """Least lasting share of the claimed variance that the stands allow, up to a limit."""
         from scipy.stats import chi2
 
@@ -44,7 +44,7 @@ class Wander:
             return 0.0
         square = self.way**2 / (2.0 * self.sd**2)
         gone = 1.0 - np.exp(-self.seconds[:, None] / time)
-        limit = float(chi2.ppf(SURE, square.size))
+        limit = float(chi2.ppf(sure, square.size))
         for slow in (0.0, *np.geomspace(0.01, most, 100).tolist()):
             if float(np.sum(square / (white + slow * gone))) <= limit:
                 return float(slow)
