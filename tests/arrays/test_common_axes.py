@@ -184,3 +184,15 @@ def test_recordings_of_different_rides_are_no_array() -> None:
     require_common_axes(with_others(3), broken_may_pass=True)
     with pytest.raises(InputError, match="no moment in common"):
         synthesize(with_others(2, 3, from_row=n // 2, until_row=n // 2))
+
+
+def test_noise_of_one_place_is_no_motion() -> None:
+    rng, n = np.random.default_rng(3), 5_000
+    loud = np.exp(np.sin(np.arange(n)[:, None] / 400.0 + np.arange(4)))[..., None]
+    gyro = np.radians(30.0) * loud * rng.standard_normal((n, 4, 3))
+    accel = np.array([0.0, 0.0, -9.81]) + 0.01 * rng.standard_normal((n, 4, 3))
+    array = ImuArray(np.arange(n) / 100.0, gyro, accel, Mounting.aligned(4), tuple("abcd"))
+    require_common_axes(array)
+    silent = gyro.copy()
+    silent[:, 3] = np.nan
+    require_common_axes(replace(array, gyro=silent))

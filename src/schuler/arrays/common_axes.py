@@ -41,6 +41,8 @@ COMMON_MOTION = 0.6
 """Correlation of the rates' lengths below which two IMUs do not share a motion."""
 MOVING = float(np.radians(3.0))
 """Spread of the rates' lengths from which there is a motion to share, rad/s."""
+SMOOTH = 0.5
+"""Correlation of neighbouring samples from which rates are those of a motion, not noise."""
 MOST_ROWS = 20_000
 """Means that are enough to find how IMUs are turned."""
 
@@ -140,7 +142,7 @@ def _require_one_motion(array: ImuArray, *, one_may_differ: bool) -> None:
     if len(whole) < 10:
         return
     spread = np.ptp(np.quantile(whole, [0.02, 0.98], axis=0), axis=0)
-    moving = np.flatnonzero(spread > MOVING)
+    moving = np.flatnonzero((spread > MOVING) & (_smoothness(array.gyro) > SMOOTH))
     if moving.size < 2:
         return
     alike = np.corrcoef(whole[:, moving].T) > COMMON_MOTION
@@ -153,6 +155,15 @@ def _require_one_motion(array: ImuArray, *, one_may_differ: bool) -> None:
             cure="name only files of one recording; or bring their clocks together first "
             "(schuler calibrate tells delays)",
         )
+
+
+def _smoothness(rates: FloatArray) -> FloatArray:
+    """Correlation of neighbouring samples of the rates of each IMU, (k,)."""
+    known = np.isfinite(rates)
+    mean = np.where(known, rates, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    centred = np.where(known, rates - mean, 0.0)
+    power = np.maximum(np.einsum("nkc,nkc->k", centred, centred), 1e-300)
+    return np.asarray(np.einsum("nkc,nkc->k", centred[1:], centred[:-1]) / power)
 
 
 def _means(vectors: FloatArray, rate: float, seconds: float) -> FloatArray:
