@@ -2,7 +2,8 @@
 
     python -m benchmarks.scale samples [SIZE ...]   Allan and joint fit in pieces
     python -m benchmarks.scale logs [COUNT ...]     a database of 1 to 10 000 logs (figures made up)
-    python -m benchmarks.scale workers              200 logs of 10 min by one and by two workers
+    python -m benchmarks.scale workers              200 logs of 10 min by one and by two processes,
+                                                    and by one and by two Dask workers on loopback
     python -m benchmarks.scale trials [RUNS]        filters of 5 min, 15 states, beside their kernel
     python -m benchmarks.scale sweep                outages on rtk-drive by one and by two threads
     python -m benchmarks.scale page                 docs/cost-against-size.md of what was measured
@@ -23,16 +24,22 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POL
 
 import json
 import resource
+import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from schuler.execution import Workers
+    from schuler.fleet import LogEntry
 
 RESULTS = Path(__file__).parent / "results" / "scale.json"
 PAGE = Path(__file__).parents[1] / "docs" / "cost-against-size.md"
@@ -184,24 +191,61 @@ def write_logs(folder: Path, count: int, seconds: float) -> list[Path]:
     return files
 
 
+@contextmanager
+def dask_cluster(number: int) -> Iterator[str]:
+    """Give the address of a scheduler on loopback with so many workers of one thread."""
+    from distributed import Client
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    where = ("--host", "127.0.0.1", "--no-dashboard")
+    port = ("--port", address.rpartition(":")[2])
+    worker = ("dask_worker", address, *where, "--nthreads", "1", "--no-nanny")
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.{command[0]}", *command[1:]],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        for command in (("dask_scheduler", *where, *port), *(worker for _ in range(number)))
+    ]  # fmt: skip
+    try:
+        with Client(address, timeout="60s", set_as_default=False) as client:
+            client.wait_for_workers(number, timeout="60s")
+        yield address
+    finally:
+        for process in reversed(started):
+            process.kill()
+            process.wait()
+
+
 def workers_compared(count: int) -> None:
     from schuler.execution import workers
     from schuler.fleet import FleetDatabase, LogEntry, run_batch
 
     with tempfile.TemporaryDirectory() as folder:
         entries = [LogEntry(f) for f in write_logs(Path(folder), count, 600.0)]
-        for number in (1, 2):
-            with FleetDatabase(Path(folder) / f"{number}.sqlite") as database:
-                before, begin = os.times(), time.perf_counter()
-                run_batch(entries, database, executor=workers(number))
-                wall, after = time.perf_counter() - begin, os.times()
-                spent = sum(after[:4]) - sum(before[:4])
+
+        def timed(name: str, how: Workers, logs: list[LogEntry]) -> dict[str, float]:
+            with FleetDatabase(Path(folder) / f"{name}.sqlite") as database:
+                begin = time.perf_counter()
+                run_batch(logs, database, executor=how)
+                wall = time.perf_counter() - begin
                 worked = database._connection.execute("SELECT sum(cpu_seconds) FROM log")
                 (inside,) = worked.fetchone()
-            keep("workers", f"{count} logs by {number}", {
-                "wall_s": round(wall, 1), "cpu_s": round(spent, 1),
-                "cpu_of_the_logs_s": round(inside, 1), "load": load(),
-            })  # fmt: skip
+            return {
+                "wall_s": round(wall, 1), "cpu_of_the_logs_s": round(inside, 1), "load": load(),
+            }  # fmt: skip
+
+        for number in (1, 2):
+            name = f"{count} logs by {number}"
+            keep("workers", name, timed(name, workers(number), entries))
+        for number in (1, 2):
+            with dask_cluster(number) as address:
+                # a worker imports and loads its kernels once, whatever the number of logs
+                timed(f"first {number}", workers(scheduler=address), entries[: 2 * number])
+                name = f"{count} logs by {number} of Dask"
+                keep("workers", name, timed(name, workers(scheduler=address), entries))
 
 
 # filters

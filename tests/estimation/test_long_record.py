@@ -143,6 +143,22 @@ def test_one_pass_gives_every_curve_as_in_memory(still: ImuRecording) -> None:
     assert spectrum.upper == pytest.approx(whole.upper, rel=1e-9)
 
 
+def test_wavelet_moments_of_pieces_on_the_command_line(
+    still: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(still, tmp_path / "imu.parquet")
+    where = [str(tmp_path / "imu.parquet"), "--memory", "1", "--model", "W+K", "--json", "-"]
+    assert run(["characterize", *where, "--method", "gmwm"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    memory = fit_gmwm(still.gyro[:, 1], still.rate, "W+K").parameters
+    for name, value in memory.items():
+        assert found["channels"]["gyro_y"]["parameters"][name]["value"] == pytest.approx(
+            value, rel=1e-4
+        )
+    assert run(["characterize", *where, "--method", "psd"]) == 2
+    assert "--method allan or gmwm" in capsys.readouterr().err
+
+
 def test_sums_of_parts_are_kept_and_added(
     still: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -107,13 +107,14 @@ def characterize(
     methods = chosen_methods(method, needs_model=files.wanted)
     model = str(checked_model(model))
     if kept_sums(file) or pieces.sums_out is not None or too_large(file, pieces.memory):
-        if methods or rest or repair or calibration is not None:
+        if methods not in ((), ("gmwm",)) or rest or repair or calibration is not None:
             raise InputError(
                 f"{file.name} is read in pieces",
-                expected="the usual method, without --method, --rest, --repair or --calibration",
+                expected="--method allan or gmwm, without --rest, --repair or --calibration",
                 cure="--memory MEGABYTES allows more, or take a part of it",
             )
-        return job.finish(_in_pieces(file, files, model, reading, pieces.sums_out))
+        how = (model, methods[0] if methods else "allan")
+        return job.finish(_in_pieces(file, files, how, reading, pieces.sums_out))
     recording = load_imu(file, reading.options(repair=repair), calibration=calibration)
     with working("Screening"):
         recording, screening = screened(recording, repair=repair, rest=rest)
@@ -175,7 +176,7 @@ def kept_sums(file: Path) -> list[Path]:
 
 
 def _in_pieces(
-    file: Path, files: ModelFiles, model: str, reading: ImuReading, out: Path | None
+    file: Path, files: ModelFiles, how: tuple[str, str], reading: ImuReading, out: Path | None
 ) -> Result:
     from schuler.estimation.long_record import RecordSums, characterize_sums, collect_sums
     from schuler.estimation.record import spell_duration
@@ -193,14 +194,15 @@ def _in_pieces(
         if out is not None:
             sums.save(out)
         shown.say("fitting")
-        found = characterize_sums(sums, model, title_of(file))
+        model, method = how
+        found = characterize_sums(sums, model, title_of(file), method)
     texts, refused = files.texts(found.noise_model, found.rate)
     return Result(
-        title=f"Noise of {title_of(file)}",
+        title=f"Noise of {title_of(file)}" + ("" if method == "allan" else f" by {method}"),
         sections=(found,),
         show=lambda screen: _show_noise(screen, found),
         json=found.to_dict,
-        settings={"model": model, "pieces": True},
+        settings={"model": model, "method": method, "pieces": True},
         texts=texts,
         with_origin=True,
         refused=refused,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from schuler.data.imu import ImuRecording
+from schuler.errors import InputError
 from schuler.estimation.characterization import ImuCharacterization, findings_of, model_of
+from schuler.estimation.gmwm.fit import fit_gmwm_curves
 from schuler.estimation.identification import Identification
 from schuler.estimation.joint_fit import identify_curve
 from schuler.estimation.long_record.sums import RecordSums, collect_sums
@@ -17,8 +19,14 @@ NOT_LOOKED_AT = (
 )
 
 
+METHODS = ("allan", "gmwm")
+
+
 def characterize_pieces(
-    pieces: Iterable[ImuRecording], model: str | Process = "auto", name: str = ""
+    pieces: Iterable[ImuRecording],
+    model: str | Process = "auto",
+    name: str = "",
+    method: str = "allan",
 ) -> ImuCharacterization:
     """Identify the noise of a record that comes in pieces, in memory that does not grow.
 
@@ -30,16 +38,18 @@ def characterize_pieces(
         As for `identify`.
     name : str
         Of the record.
+    method : {"allan", "gmwm"}
+        By the Allan deviation, or by the generalised method of wavelet moments.
 
     Returns
     -------
     ImuCharacterization
-        As that of `characterize_imu` by the Allan deviation; the findings say what was left out.
+        As that of `characterize_imu`; the findings say what was left out.
 
     Raises
     ------
     InputError
-        Pieces of different rates or channels.
+        Pieces of different rates or channels, or another method.
     EstimationError
         No piece that can be used, or a channel that does not vary.
 
@@ -55,11 +65,11 @@ def characterize_pieces(
     >>> round(found.channels["gyro_x"].parameters["white_noise.density"] / 5e-5, 2)
     1.0
     """
-    return characterize_sums(collect_sums(pieces), model, name)
+    return characterize_sums(collect_sums(pieces), model, name, method)
 
 
 def characterize_sums(
-    sums: RecordSums, model: str | Process = "auto", name: str = ""
+    sums: RecordSums, model: str | Process = "auto", name: str = "", method: str = "allan"
 ) -> ImuCharacterization:
     """Identify the noise behind the sums of a record, or of several that were added.
 
@@ -71,21 +81,35 @@ def characterize_sums(
         As for `identify`.
     name : str
         Of the record.
+    method : {"allan", "gmwm"}
+        By the Allan deviation, or by the generalised method of wavelet moments.
 
     Returns
     -------
     ImuCharacterization
-        As that of `characterize_imu` by the Allan deviation; the findings say what was left out.
+        As that of `characterize_imu`; the findings say what was left out.
 
     Raises
     ------
+    InputError
+        Another method.
     EstimationError
         A channel that does not vary.
     """
     curve, first = sums.allan.curve(), sums.sample
-    channels: dict[str, Identification] = {
-        c: identify_curve(curve.column(j), model) for j, c in enumerate(sums.channels)
-    }
+    if method not in METHODS:
+        raise InputError(
+            f"method '{method}' on a record in pieces", expected=f"one of {', '.join(METHODS)}"
+        )
+
+    def by_allan(channel: int) -> Identification:
+        return identify_curve(curve.column(channel), model)
+
+    def by_wavelet_moments(channel: int) -> Identification:
+        return fit_gmwm_curves([sums.allan.wavelet_variance(channel)], model)
+
+    fit: Callable[[int], Identification] = by_allan if method == "allan" else by_wavelet_moments
+    channels = {c: fit(j) for j, c in enumerate(sums.channels)}
     said = [NOT_LOOKED_AT]
     if sums.left_out:
         said.append(
