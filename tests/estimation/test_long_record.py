@@ -143,6 +143,27 @@ def test_one_pass_gives_every_curve_as_in_memory(still: ImuRecording) -> None:
     assert spectrum.upper == pytest.approx(whole.upper, rel=1e-9)
 
 
+def test_a_clock_that_turns_at_midnight_between_files_goes_on_and_it_is_said(
+    still: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    columns = _table(still.between(0.0, 100.0))
+    columns["time_s"] = np.round(columns["time_s"] + 86_340.0, 6) % 86_400.0
+    frame, folder = polars.DataFrame(columns), tmp_path / "days"
+    folder.mkdir()
+    frame[:3000].write_csv(folder / "a.csv")
+    frame[3000:].write_csv(folder / "b.csv")
+    pieces = list(read_imu_pieces(folder))
+    assert pieces[1].time[0] - pieces[0].time[-1] == pytest.approx(0.02)
+    out = tmp_path / "week.sums.npz"
+    assert run(["characterize", str(folder), "--model", "W", "--sums-out", str(out)]) == 0
+    assert "time wraps round at a day" in capsys.readouterr().err
+    assert run(["characterize", str(out), "--model", "W", "--json", "-"]) == 0
+    assert "time wraps round at a day" in capsys.readouterr().err
+    frame[1000:].write_csv(folder / "b.csv")
+    with pytest.raises(InputError, match="begins before the one before it ends"):
+        list(read_imu_pieces(folder))
+
+
 def test_wavelet_moments_of_pieces_on_the_command_line(
     still: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -42,16 +42,21 @@ def assumptions() -> tuple[str, ...]:
 @contextmanager
 def reading_file(name: str, place: str) -> Iterator[None]:
     """Show that a file is read; errors name the options of this program."""
-    with progress(f"Reading {name}"):
-        try:
-            yield
-        except SchulerError as error:
-            words = (in_options(t, place) for t in (error.found, error.expected, error.cure))
-            found, expected, cure = words
-            raise type(error)(found, expected=expected, cure=cure, where=error.where) from None
+    with progress(f"Reading {name}"), _naming_options(place):
+        yield
 
 
-def _tell(name: str, lines: Iterable[str], place: str) -> None:
+@contextmanager
+def _naming_options(place: str) -> Iterator[None]:
+    try:
+        yield
+    except SchulerError as error:
+        words = (in_options(t, place) for t in (error.found, error.expected, error.cure))
+        found, expected, cure = words
+        raise type(error)(found, expected=expected, cure=cure, where=error.where) from None
+
+
+def tell_assumptions(name: str, lines: Iterable[str], place: str) -> None:
     """Say what was taken for granted about a file, once."""
     told = [f"{name}: {in_options(line, place)}" for line in lines]
     new = [line for line in told if line not in _assumed]
@@ -70,8 +75,16 @@ def load_imu(
 
     with reading_file(path.name, place):
         recording = read_imu(path, calibration=calibration, **how)
-    _tell(path.name, recording.assumptions, place)
+    tell_assumptions(path.name, recording.assumptions, place)
     return recording
+
+
+def load_imu_pieces(path: Path, how: dict[str, Any]) -> Iterator[ImuRecording]:
+    """Read an IMU recording piece by piece."""
+    from schuler.io.pieces import read_imu_pieces
+
+    with _naming_options("one"):
+        yield from read_imu_pieces(path, **how)
 
 
 def load_gnss(path: Path, how: dict[str, Any], place: str = "gnss") -> GnssRecording:
@@ -80,7 +93,7 @@ def load_gnss(path: Path, how: dict[str, Any], place: str = "gnss") -> GnssRecor
 
     with reading_file(path.name, place):
         recording = read_gnss(path, **how)
-    _tell(path.name, recording.assumptions, place)
+    tell_assumptions(path.name, recording.assumptions, place)
     return recording
 
 
@@ -107,7 +120,7 @@ def load_array(
                 if str(calibration) in str(error):
                     raise
                 raise error.at(str(calibration)) from None
-    _tell(name, array.assumptions, place)
+    tell_assumptions(name, array.assumptions, place)
     return array
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from schuler.io.imu import imu_recordings
 from schuler.io.options import ReadOptions
 from schuler.io.registry import format_of, is_recording, open_with, parts_with, suffixes
 from schuler.io.tables.parquet_file import parquet_rows
+from schuler.io.time_repair import next_round
 
 PIECE = 1 << 19
 """Rows read at once."""
@@ -58,16 +60,22 @@ def read_imu_pieces(
     [333, 333, 334]
     """
     options = ReadOptions(**how)
-    end = float("-inf")
+    end, added = float("-inf"), 0.0
     for file in _files(path):
         for part in parts_with(format_of(file), file, "imu", options, rows):
             piece = imu_recordings(part, options, only_first=True)[0]
+            begin = float(piece.time[0]) + added
+            if begin <= end and (turn := next_round(begin, end, 1.0 / piece.rate)):
+                added += turn[0]
+                said = f"time wraps round at {turn[1]} before this piece: undone"
+                piece = replace(piece, assumptions=(*piece.assumptions, said))
+            piece = replace(piece, time=piece.time + added) if added else piece
             if piece.time[0] <= end:
                 raise InputError(
                     f"the piece from {piece.time[0]:.3f} s begins before the one before it ends "
                     f"({end:.3f} s)",
                     expected="files and rows in the order of time, and a clock that does not start "
-                    "again (seconds of the day do)",
+                    "again",
                     where=str(file),
                 )
             end = float(piece.time[-1])

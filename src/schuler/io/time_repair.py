@@ -53,6 +53,14 @@ def unwrapped(values: FloatArray, what: str, notes: Notes) -> FloatArray:
     return values
 
 
+def next_round(begin: float, end: float, step: float) -> tuple[float, str] | None:
+    """Return what a clock in seconds has to be moved by to go on at `begin` where it was `end`."""
+    for top, bottom, word in _rounds():
+        if bottom == 0.0 and word[0] != "2" and 0.0 < begin + top - end <= _NEAR * step:
+            return top, word
+    return None
+
+
 def packet_size(time: FloatArray) -> tuple[int, int] | None:
     """Return the fewest and the most samples on one stamp, when stamps are those of packets."""
     step = np.diff(time)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from cyclopts import Parameter
 
 from schuler.cli.job import Job, Result, working
-from schuler.cli.loading import load_imu
+from schuler.cli.loading import load_imu, load_imu_pieces, tell_assumptions
 from schuler.cli.options.files import ModelFiles, Written
 from schuler.cli.options.reading import ImuReading
 from schuler.cli.parsing import title_of
@@ -180,17 +180,17 @@ def _in_pieces(
 ) -> Result:
     from schuler.estimation.long_record import RecordSums, characterize_sums, collect_sums
     from schuler.estimation.record import spell_duration
-    from schuler.io.pieces import read_imu_pieces
 
     with working("Reading the record in pieces") as shown:
 
         def told() -> Iterator[ImuRecording]:
-            for piece in read_imu_pieces(file, **reading.options(repair=False)):
+            for piece in load_imu_pieces(file, reading.options(repair=False)):
                 shown.say(f"{spell_duration(float(piece.time[-1]))} read")
                 yield piece
 
         kept = kept_sums(file)
         sums = reduce(add, (RecordSums.load(k) for k in kept)) if kept else collect_sums(told())
+        tell_assumptions(file.name, sums.sample.assumptions, "one")
         if out is not None:
             sums.save(out)
         shown.say("fitting")

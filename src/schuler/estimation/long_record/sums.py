@@ -6,7 +6,7 @@ import json
 import zipfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +67,7 @@ class RecordSums:
             self.channels,
             self.allan + other.allan,
             self.spectrum + other.spectrum,
-            self.sample,
+            _assuming(self.sample, other.sample.assumptions),
             self.pieces + other.pieces,
             self.left_out + other.left_out,
             self.knocks + other.knocks,
@@ -85,7 +85,7 @@ class RecordSums:
         told = {
             "version": VERSION, "channels": self.channels, "name": self.sample.name,
             "pieces": self.pieces, "left_out": self.left_out, "knocks": self.knocks,
-            "seen": self.seen,
+            "seen": self.seen, "assumptions": self.sample.assumptions,
         }  # fmt: skip
         arrays = {
             f"{kind}_{f.name}": np.asarray(getattr(sums, f.name))
@@ -145,8 +145,13 @@ class RecordSums:
         seen = {k: (int(n), str(text)) for k, (n, text) in told["seen"].items()}
         pieces, left_out, knocks = (int(told[k]) for k in ("pieces", "left_out", "knocks"))
         sample = ImuRecording(time, gyro, accel, told["name"])
+        sample = _assuming(sample, map(str, told.get("assumptions", ())))
         channels = tuple(told["channels"])
         return cls(channels, allan, spectrum, sample, pieces, left_out, knocks, seen)
+
+
+def _assuming(sample: ImuRecording, more: Iterable[str]) -> ImuRecording:
+    return replace(sample, assumptions=tuple(dict.fromkeys([*sample.assumptions, *more])))
 
 
 def _sums_of(kind: type, name: str, archive: Any) -> Any:
@@ -210,11 +215,13 @@ class _Collector:
         self.pieces = self.left_out = self.knocks = 0
         self.counts: Counter[str] = Counter()
         self.messages: dict[str, str] = {}
+        self.assumptions: dict[str, None] = {}
 
     def add(self, piece: ImuRecording, screening: Screening) -> None:
         """Add what is undisturbed of a piece at rest."""
         _require_same(self.first, piece)
         self.pieces += 1
+        self.assumptions |= dict.fromkeys(piece.assumptions)
         for finding in screening.findings:
             if finding.severity != "info" and finding.kind not in ("knock", "outlier"):
                 self.counts[finding.kind] += 1
@@ -249,7 +256,8 @@ class _Collector:
                 expected="a sensor lying still",
             )
         return RecordSums(
-            self.first.channels, self.allan.sums(), self.spectrum.sums(), self.sample,
+            self.first.channels, self.allan.sums(), self.spectrum.sums(),
+            _assuming(self.sample, self.assumptions),
             self.pieces, self.left_out, self.knocks, seen,
         )  # fmt: skip
 
