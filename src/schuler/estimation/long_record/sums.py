@@ -215,13 +215,14 @@ class _Collector:
         self.pieces = self.left_out = self.knocks = 0
         self.counts: Counter[str] = Counter()
         self.messages: dict[str, str] = {}
-        self.assumptions: dict[str, None] = {}
+        self.assumptions: dict[str, str] = {}  # by what is before the reason
 
     def add(self, piece: ImuRecording, screening: Screening) -> None:
         """Add what is undisturbed of a piece at rest."""
         _require_same(self.first, piece)
         self.pieces += 1
-        self.assumptions |= dict.fromkeys(piece.assumptions)
+        for line in piece.assumptions:
+            self.assumptions.setdefault(line.partition(":")[0], line)
         for finding in screening.findings:
             if finding.severity != "info" and finding.kind not in ("knock", "outlier"):
                 self.counts[finding.kind] += 1
@@ -257,7 +258,7 @@ class _Collector:
             )
         return RecordSums(
             self.first.channels, self.allan.sums(), self.spectrum.sums(),
-            _assuming(self.sample, self.assumptions),
+            _assuming(self.sample, self.assumptions.values()),
             self.pieces, self.left_out, self.knocks, seen,
         )  # fmt: skip
 
