@@ -15,6 +15,7 @@ import numpy as np
 from schuler.data import CHANNELS, GnssRecording, ImuRecording
 from schuler.errors import InputError, SchulerError
 from schuler.navigation.engine import InitialState, gate_thresholds
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.innovation_likelihood import InnovationSequence
 from schuler.navigation.preparation.headings import decimated_inputs
 from schuler.navigation.preparation.moving_start import inflated_model, velocity_doubt
@@ -30,6 +31,8 @@ CLEARLY = 0.6
 """A slip is named when it leaves at most this share of the misfit, ..."""
 CONVINCING = 100.0
 """... and makes the innovations more likely by so many units of log-likelihood."""
+POOR_WALK = 1e-3
+"""Density of a gyro bias that wanders by a degree a second in five minutes, rad/s²/sqrt(Hz)."""
 # rates (rad/s) of machines that spin, not of vehicles that are on their way
 FAST_TURN = 2.0
 LONGEST = 600.0
@@ -72,11 +75,12 @@ def try_drive(
     gyro_bias: FloatArray,
     lever_arm: FloatArray,
     velocity_offset: float,
+    known: SensorErrorModel,
 ) -> Trial:
     """Filter a drive with forgiving noise and say how its velocities fit GNSS."""
     doubt = velocity_doubt(gnss, lever_arm)
     slow, schedule = decimated_inputs(imu, gnss, lever_arm, velocity_offset, doubt)
-    model = inflated_model()
+    model = inflated_model(known)
     bias = np.zeros(model.size)
     bias[[model.constant_states(3 + axis)[0] for axis in range(3)]] = gyro_bias
 
@@ -105,20 +109,29 @@ def find_slip(
     imu: ImuRecording,
     found: Trial,
     again: Callable[[ImuRecording], Trial],
+    poor: Callable[[], Trial],
 ) -> Slip | None:
-    """Try the usual slips and return the one that explains the drive."""
-    best: tuple[float, Slip] | None = None
+    """Try the usual slips and return the one that explains the drive.
+
+    Not where gyros that drift a lot (`poor`, the same drive with such) explain it as well.
+    """
+    best: tuple[Trial, Slip] | None = None
     for slip in SLIPS:
         try:
             trial = again(slip.undo(imu))
         except SchulerError:
             continue
-        gain = trial.log_likelihood - found.log_likelihood
-        if trial.misfit < CLEARLY * found.misfit and gain > max(
-            CONVINCING, 0.0 if best is None else best[0]
-        ):
-            best = gain, slip
-    return None if best is None else best[1]
+        least = found.log_likelihood + CONVINCING if best is None else best[0].log_likelihood
+        if trial.misfit < CLEARLY * found.misfit and trial.log_likelihood > least:
+            best = trial, slip
+    return None if best is None or poor().misfit < best[0].misfit else best[1]
+
+
+def poor_gyros(model: SensorErrorModel) -> SensorErrorModel:
+    """Return a model whose gyro biases wander as those of the cheapest sensors do."""
+    diffusion, gyros = model.diffusion.copy(), np.isin(model.channel, (3, 4, 5))
+    diffusion[gyros, 0] = np.maximum(diffusion[gyros, 0], POOR_WALK**2)
+    return replace(model, diffusion=diffusion)
 
 
 def turns_too_fast(imu: ImuRecording) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import NavigationError
 from schuler.navigation.engine import InitialState
+from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.preparation.diagnosis import (
     BAD,
@@ -18,6 +19,7 @@ from schuler.navigation.preparation.diagnosis import (
     LONGEST,
     Trial,
     find_slip,
+    poor_gyros,
     try_drive,
 )
 from schuler.navigation.preparation.later_start import later_start
@@ -42,7 +44,10 @@ def require_fit(
     offset = setup.offsets.velocity
 
     def tried(
-        recording: ImuRecording, alignment: Alignment, later: Sequence[tuple[float, InitialState]]
+        recording: ImuRecording,
+        alignment: Alignment,
+        later: Sequence[tuple[float, InitialState]],
+        known: SensorErrorModel = setup.model,
     ) -> Trial:
         state = replace(setup, alignment=alignment).initial_state(recording, gnss)
         return try_drive(
@@ -53,6 +58,7 @@ def require_fit(
             gyro_bias=alignment.gyro_bias,
             lever_arm=setup.lever_arm,
             velocity_offset=offset,
+            known=known,
         )
 
     trial = tried(part, setup.alignment, restarts)
@@ -74,7 +80,10 @@ def require_fit(
     # a start that leaves twice what the whole drive may leave is not worth a longer look
     hopeless = max(1.0, 2.0 * CLEARLY * here.misfit)
     slip = find_slip(
-        first, here, lambda other: tried(other, align_one(other, offset, True, hopeless), ())
+        first,
+        here,
+        lambda other: tried(other, align_one(other, offset, True, hopeless), ()),
+        lambda: tried(first, setup.alignment, (), poor_gyros(setup.model)),
     )
     if slip is not None:
         raise NavigationError(

@@ -57,6 +57,8 @@ UNSURE_TILT_SD = np.radians(6.0)
 """Of a level for which GNSS does not tell the acceleration."""
 NOISE_INFLATION = 2.0
 """On the white noise of a generic sensor: engines and roads shake it."""
+_TRIAL = 60.0
+"""Seconds in which a bounded process of a sensor is taken to reach its size."""
 STAMPS = 0.2
 """Seconds that stamps may be off before anybody has looked for it."""
 SHARE_OF_FAST = 0.3
@@ -297,12 +299,22 @@ def _looking_back(
     )
 
 
-def inflated_model() -> SensorErrorModel:
-    """Return a generic sensor whose noise forgives engines and roads."""
+def inflated_model(known: SensorErrorModel | None = None) -> SensorErrorModel:
+    """Return a generic sensor whose noise forgives engines and roads, and all that is known."""
     model = sensor_error_model(
         generic_noise_model(), turn_on_accel=TURN_ON_ACCEL, turn_on_gyro=TURN_ON_GYRO
     )
-    return replace(model, white_density=NOISE_INFLATION * model.white_density)
+    white, diffusion = NOISE_INFLATION * model.white_density, model.diffusion.copy()
+    if known is not None:
+        white = np.maximum(white, known.white_density)
+        # a bounded process as the walk that reaches its size in a trial
+        time = 1.0 / np.maximum(-known.drift[:, 0], 1e-12)
+        drive = known.diffusion[:, 0] * (time / np.maximum(time, _TRIAL))
+        for channel in range(6):
+            own = float(drive[known.channel == channel].sum())
+            places = model.constant_states(channel)
+            diffusion[places, 0] = np.maximum(diffusion[places, 0], own)
+    return replace(model, white_density=white, diffusion=diffusion)
 
 
 def velocity_doubt(gnss: GnssRecording, lever_arm: FloatArray) -> FloatArray:
