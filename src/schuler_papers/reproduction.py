@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import schuler
-from schuler import InputError
+from schuler import InputError, SchulerError
 from schuler.execution import CPU_SECONDS, Kept, Task, Workers, run_tasks, workers
 from schuler_papers.experiment import Experiment, Item, Numbers, Results, Size
 from schuler_papers.outcome import Outcome
@@ -93,9 +93,12 @@ def code_version(paper: str) -> str:
 def run_unit(paper: str, name: str, seed: int, size: Size, folder: str | None) -> Numbers:
     """Do one unit of work; other processes find it by this name."""
     experiment = next(e for e in experiments_of(paper) if e.name == name)
-    if experiment.recordings:
-        return experiment.run(seed, size, Path(folder or "."))
-    return experiment.run(seed, size)
+    try:
+        if experiment.recordings:
+            return experiment.run(seed, size, Path(folder or "."))
+        return experiment.run(seed, size)
+    except SchulerError as error:
+        raise error.at(f"{PAPERS[paper].label}, {experiment.title}, seed {seed}") from error
 
 
 def data_folder(given: Path | None = None) -> Path | None:
