@@ -102,6 +102,7 @@ def test_a_job_runs_step_by_step_and_is_checked_before_it_begins(
         ("{a: 1}\n", "holds no list of steps"),
         ("- [\n", "not YAML"),
         ("- run: x\n", "step 1 begins with 'run'"),
+        ("- [a, b]\n", "step 1 begins with '['a', 'b']'"),
     ],
 )
 def test_a_job_that_cannot_be_is_one_line(

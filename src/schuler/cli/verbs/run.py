@@ -80,7 +80,7 @@ def _steps(job: Path) -> Iterator[list[str]]:
         raise InputError("holds no list of steps", expected="schuler run --example", where=str(job))
     for number, step in enumerate(read, 1):
         verb = next(iter(step), None) if isinstance(step, dict) else step
-        if verb not in verbs() or verb == "run":
+        if not isinstance(verb, str) or verb not in verbs() or verb == "run":
             raise InputError(
                 f"step {number} begins with '{verb}'",
                 expected=f"a verb: {', '.join(v for v in verbs() if v != 'run')}",
