@@ -89,6 +89,7 @@ def test_floor_is_that_of_the_horizontal_axes() -> None:
     gyro = white_noise_floor([0, 0, 0, 7e-4, 7e-4, 1.0], np.eye(3), [30.0, 60.0])
     np.testing.assert_allclose(gyro / np.sqrt(2.0), [7.6, 42.8], rtol=0.01)
     accel = white_noise_floor([7.5e-4, 7.5e-4, 1.0, 0, 0, 0], np.eye(3), [30.0, 60.0])
+    assert white_noise_floor(np.ones(6), np.eye(3), -1e-9) == 0.0  # a start that is rounded
     np.testing.assert_allclose(accel / np.sqrt(2.0), [0.0711, 0.2012], rtol=0.01)
     noise = [1e-3, 2e-3, 3e-3, 1e-4, 2e-4, 3e-4]
     turned = dcm_from_euler(0.0, 0.0, 1.1)

@@ -21,7 +21,7 @@ def white_noise_floor(
     """Horizontal position error of white noise alone, after a time without aiding."""
     n = np.asarray(white_density, dtype=np.float64)
     c = np.asarray(rotation, dtype=np.float64)
-    t = np.asarray(time, dtype=np.float64)
+    t = np.maximum(np.asarray(time, dtype=np.float64), 0.0)  # rounding of the first epoch
     # a rotation about north moves it east, one about east north: the sum needs no pairing
     accel = (c[:2] ** 2 @ n[:3] ** 2).sum()
     gyro = (c[:2] ** 2 @ n[3:] ** 2).sum()
