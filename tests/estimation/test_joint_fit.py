@@ -14,6 +14,7 @@ from schuler.curves.allan import allan_deviation
 from schuler.errors import EstimationError, InputError, ModelError
 from schuler.estimation.identification import Identification
 from schuler.estimation.identify import identify
+from schuler.estimation.parts import Terms, free_parameters, logs_of, with_logs
 from schuler.noise import (
     BiasInstability,
     GaussMarkov,
@@ -26,6 +27,7 @@ from schuler.noise import (
     WhiteNoise,
 )
 from schuler.noise.gauss_markov import ALLAN_PEAK_HEIGHT, FLICKER_LEVEL
+from schuler.types import FloatArray
 from schuler.units import parse
 
 
@@ -295,3 +297,22 @@ def test_short_records_give_an_answer_with_wide_errors(samples: int) -> None:
         result = identify(signal, 1.0)
         assert np.isfinite(list(result.parameters.values())).all()
         assert result.parameters["white_noise.density"] == pytest.approx(1.0, rel=0.6)
+
+
+def test_a_structure_over_a_curve_is_the_sum_of_its_parts_and_knows_its_slopes() -> None:
+    parts = (WhiteNoise(2e-3), RateRamp(3e-6), GaussMarkov(4e-3, 0.05), GaussMarkov(1e-3, 7.0))
+    clusters = np.array([1, 2, 5, 30, 400, 9000])
+
+    def shape(process: Process) -> FloatArray:
+        return process.sampled_allan_variance(clusters, 0.01)
+
+    names = free_parameters(parts)
+    terms, logs = Terms.of(parts, names, shape), logs_of(parts, names)
+    # at other sizes and times than those it was drawn up with
+    logs = logs + np.linspace(-0.5, 0.7, logs.size)
+    total, slopes = terms.at(logs)
+    assert total == pytest.approx(shape(ProcessSum(with_logs(parts, names, logs))), rel=1e-12)
+    for j in range(logs.size):
+        step = 1e-3 * np.eye(logs.size)[j]
+        rise = (terms.at(logs + step)[0] - terms.at(logs - step)[0]) / 2e-3
+        assert slopes[:, j] == pytest.approx(rise, rel=1e-3, abs=1e-5 * total.max())

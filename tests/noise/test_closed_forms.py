@@ -218,3 +218,13 @@ def test_gauss_markov_faster_than_the_samples_warns() -> None:
 @pytest.mark.parametrize("process", [*SIMULATED, RateRamp(1.0), Sinusoid(1.0, 1.0)])
 def test_no_samples_is_an_empty_array(process: Process) -> None:
     assert process.simulate(0, 0.1, np.random.default_rng(0)).shape == (0,)
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.009, 0.011, 0.3, 4.0, 600.0])
+def test_sampled_gauss_markov_in_clusters_is_what_its_covariance_says(step: float) -> None:
+    for m in (1, 2, 7, 60):
+        lag = np.abs(np.subtract.outer(np.arange(2 * m), np.arange(2 * m)))
+        sign = np.repeat([-1.0, 1.0], m) / m
+        exact = 0.5 * sign @ np.exp(-step * lag) @ sign
+        found = GaussMarkov(1.0, 0.01 / step).sampled_allan_variance(np.array([m]), 0.01)
+        assert float(found[0]) == pytest.approx(float(exact), rel=1e-9, abs=1e-14)

@@ -18,6 +18,7 @@ from schuler.curves.confidence import allan_covariance
 from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.estimation.parts import (
     FittedParts,
+    Terms,
     evaluate,
     free_parameters,
     log_bounds,
@@ -188,10 +189,11 @@ def fit_structure(
     `beside` is a variance at every point that is there as well and is not fitted.
     """
     names = free_parameters(parts)
+    terms = Terms.of(parts, names, points.of)
     target = np.log(points.variance) - scatter.bias
 
     def slopes(logs: FloatArray) -> Slopes[FloatArray]:
-        total, jacobian = evaluate(parts, names, logs, points.of)
+        total, jacobian = terms.at(logs)
         total = total + beside
         residual = target - np.log(total)
         white = scatter.whitener @ residual

@@ -119,12 +119,13 @@ def minimise(
     low, high = bounds
 
     def cut(here: FloatArray, step: FloatArray) -> FloatArray | None:
-        return np.clip(here + np.clip(step, -rules.longest, rules.longest), low, high)
+        step = np.minimum(np.maximum(step, -rules.longest), rules.longest)
+        return np.asarray(np.minimum(np.maximum(here + step, low), high))
 
     go, here, at = move or cut, start, evaluate(start)
     damping = rules.damping
     for _ in range(rules.iterations):
-        free = np.ones(here.size, dtype=bool)
+        free: NDArray[np.bool_] | None = None
         if rules.hold:
             free = ~(((here <= low) & (at.pull <= 0.0)) | ((here >= high) & (at.pull >= 0.0)))
         undamped = damped_step(at.pull, at.curvature, 0.0, free, rules) if rules.close else None
@@ -182,19 +183,19 @@ def damped_step(
 
     Without rules a direction that the curvature does not see is left alone.
     """
-    step = np.zeros(pull.size)
-    rows = np.arange(pull.size) if free is None else np.flatnonzero(free)
-    inner = curvature[np.ix_(rows, rows)]
-    if rows.size == 0 or not (np.isfinite(inner).all() and np.isfinite(pull).all()):
+    if free is not None and not free.all():
+        step = np.zeros(pull.size)
+        rows = np.flatnonzero(free)
+        step[rows] = damped_step(pull[rows], curvature[np.ix_(rows, rows)], damping, None, rules)
         return step
+    if pull.size == 0 or not (np.isfinite(curvature).all() and np.isfinite(pull).all()):
+        return np.zeros(pull.size)
     if rules is None or rules.ladder:
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-        unit = inner * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+        unit = curvature * np.outer(scale, scale) + (damping + 1e-13) * np.eye(scale.size)
         try:
-            step[rows] = scale * np.linalg.solve(unit, scale * pull[rows])
+            return np.asarray(scale * np.linalg.solve(unit, scale * pull))
         except np.linalg.LinAlgError:
-            step[rows] = scale * np.linalg.lstsq(unit, scale * pull[rows], rcond=1e-15)[0]
-        return step
-    diagonal = np.maximum(np.diag(inner), rules.floor)
-    step[rows] = np.linalg.solve(inner + (rules.ridge + damping) * np.diag(diagonal), pull[rows])
-    return step
+            return np.asarray(scale * np.linalg.lstsq(unit, scale * pull, rcond=1e-15)[0])
+    more = (rules.ridge + damping) * np.maximum(np.diag(curvature), rules.floor)
+    return np.asarray(np.linalg.solve(curvature + np.diag(more), pull))

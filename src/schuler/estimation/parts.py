@@ -27,6 +27,7 @@ Shape = Callable[[Process], FloatArray]
 """What a process puts into every point of a curve."""
 
 _STEP = 1e-4
+_NEXT = math.exp(_STEP)
 _TIMES_BEYOND = 20.0
 _NORMAL = 1.959964
 _ONE_SIDED = 1.645
@@ -104,21 +105,68 @@ def log_bounds(
     return low, high
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Terms:
+    """A structure over the points of a curve; what only grows with its size is drawn up once.
+
+    Parameters
+    ----------
+    parts : tuple of Process
+        The structure.
+    names : tuple of (int, str)
+        Part and field of every free parameter.
+    shape : callable
+        What a process puts into every point.
+    known : tuple of (t,) ndarray
+        That of the parts of which nothing but the size is free, at size one; None for others.
+    sizes : tuple of str
+        Name of the size of every part.
+    """
+
+    parts: tuple[Process, ...]
+    names: Names
+    shape: Shape
+    known: tuple[FloatArray | None, ...]
+    sizes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, parts: Sequence[Process], names: Names, shape: Shape) -> Terms:
+        """Draw up the parts that do not change but in size."""
+        sizes = tuple(p.size_name() for p in parts)
+        known = tuple(
+            shape(p.with_size(1.0)) if p.free == (size,) else None
+            for p, size in zip(parts, sizes, strict=True)
+        )
+        return cls(tuple(parts), names, shape, known, sizes)
+
+    def at(self, logs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the model (t,) and its derivatives (t, p) by the logarithms of the parameters."""
+        values: list[dict[str, float]] = [{} for _ in self.parts]
+        for (k, name), log in zip(self.names, logs.tolist(), strict=True):
+            values[k][name] = math.exp(log)
+        rows: list[FloatArray] = []
+        total: FloatArray | float = 0.0
+        for part, unit, size, new in zip(self.parts, self.known, self.sizes, values, strict=True):
+            if unit is not None:
+                now, component = part, new[size] ** part.growth * unit
+            else:
+                now = replace(part, **new) if new else part  # type: ignore[type-var]
+                component = self.shape(now)
+            total = total + component
+            for name, value in new.items():
+                if name == size:
+                    rows.append(part.growth * component)
+                    continue
+                moved = replace(now, **{name: value * _NEXT})  # type: ignore[type-var]
+                rows.append((self.shape(moved) - component) / _STEP)
+        return np.asarray(total), np.array(rows).T
+
+
 def evaluate(
     parts: Sequence[Process], names: Names, logs: FloatArray, shape: Shape
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the model (t,) and its derivatives (t, p) by the logarithms of the parameters."""
-    now = with_logs(parts, names, logs)
-    components = [shape(p) for p in now]
-    total = np.asarray(np.sum(components, axis=0))
-    jacobian = np.empty((total.size, len(names)))
-    for j, (k, name) in enumerate(names):
-        if name == now[k].size_name():
-            jacobian[:, j] = now[k].growth * components[k]
-        else:
-            moved = replace(now[k], **{name: math.exp(logs[j] + _STEP)})  # type: ignore[type-var]
-            jacobian[:, j] = (shape(moved) - components[k]) / _STEP
-    return total, jacobian
+    """The same of a structure that is looked at once."""
+    return Terms.of(parts, names, shape).at(logs)
 
 
 def under(part: Process, values: FloatArray, shape: Shape, share: float) -> Process:

@@ -25,10 +25,6 @@ ALLAN_PEAK_HEIGHT = 0.6173643
 FLICKER_LEVEL = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of flicker noise of level B, in units of B: 0.66428."""
 
-# -(-1)^k (2^k - 4)/k! for k = 13 .. 3: minus the bracket 3 - 4 exp(-x) + exp(-2x) less its 2x
-_SERIES = [-((-1.0) ** k) * (2.0**k - 4.0) / math.factorial(k) for k in range(13, 2, -1)]
-_SMALL = 0.1
-
 
 def gauss_markov_allan_shape(x: ArrayLike) -> FloatArray:
     """Allan variance of unit Gauss-Markov noise at x = tau/Tc.
@@ -36,34 +32,10 @@ def gauss_markov_allan_shape(x: ArrayLike) -> FloatArray:
     (2/x) [1 - (3 - 4 exp(-x) + exp(-2x))/(2x)], by its series below x = 0.1 where the bracket
     cancels (spec 2.3).
     """
+    from schuler.kernels.noise.gauss_markov import averaged_shape
+
     ratio = np.asarray(x, dtype=np.float64)
-    rise = -np.expm1(-ratio)
-    shape = (2.0 / ratio) * (1.0 - (rise + 0.5 * rise * rise) / ratio)
-    small = ratio < _SMALL
-    if small.any():
-        few = ratio[small]
-        series = np.full(few.shape, _SERIES[0])
-        for coefficient in _SERIES[1:]:
-            series *= few
-            series += coefficient
-        shape = np.asarray(shape)
-        shape[small] = series * few
-    return np.asarray(shape)
-
-
-def sampled_gauss_markov_shape(m: FloatArray, step: float) -> FloatArray:
-    """Allan variance of samples of unit Gauss-Markov noise in clusters of m, dt/Tc = step.
-
-    [x² s(x) + 2 m (sinh a - a)]/(2 m sinh(a/2))², x = m a, a = step: the averages' shape s and
-    what the motion within a sample interval adds.
-    """
-    if step > 500.0:
-        return np.asarray(1.0 / m)
-    series = step**3 / 6.0 * (1.0 + step * step / 20.0)
-    within = series if step < 0.01 else math.sinh(step) - step
-    x = m * step
-    numerator = x * x * gauss_markov_allan_shape(x) + 2.0 * m * within
-    return np.asarray(numerator / (2.0 * m * math.sinh(0.5 * step)) ** 2)
+    return averaged_shape(ratio.ravel()).reshape(ratio.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +100,10 @@ class GaussMarkov(Process):
 
     def sampled_allan_variance(self, clusters: NDArray[np.int64], dt: float) -> FloatArray:
         """Closed form of the samples; sigma² (1 - exp(-dt/Tc)) in clusters of one."""
+        from schuler.kernels.noise.gauss_markov import sampled_shape
+
         m = np.asarray(clusters, dtype=np.float64)
-        return self.sigma**2 * sampled_gauss_markov_shape(m, dt / self.correlation_time)
+        return self.sigma**2 * sampled_shape(m.ravel(), dt / self.correlation_time).reshape(m.shape)
 
     def psd(self, frequency: ArrayLike, *, onesided: bool) -> FloatArray:
         """2 sigma² Tc/(1 + (2 pi f Tc)²) (two-sided)."""

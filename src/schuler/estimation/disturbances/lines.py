@@ -180,10 +180,14 @@ def _density(values: FloatArray, segment: int) -> FloatArray:
     """Welch's average over half overlapping Hann segments, one segment in memory at a time."""
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
     starts = range(0, values.size - segment + 1, max(segment // 2, 1))
-    total = np.zeros(segment // 2 + 1)
+    total, seen = np.zeros(segment // 2 + 1), np.empty(segment)
     for start in starts:
         piece = values[start : start + segment]
-        total += np.abs(np.fft.rfft((piece - piece.mean()) * window)) ** 2
+        np.subtract(piece, piece.mean(), out=seen)
+        np.multiply(seen, window, out=seen)
+        transform = np.fft.rfft(seen)
+        total += transform.real**2
+        total += transform.imag**2
     return np.asarray(total / len(starts))
 
 
@@ -195,11 +199,11 @@ def _running_median(logs: FloatArray) -> FloatArray:
     at = np.concatenate([narrow, np.arange(narrow.size, logs.size, _APART), [logs.size - 1]])
     half = np.clip(at // _SHARE, _NARROWEST, _WIDEST)
     medians = [
-        float(np.median(padded[k + _WIDEST - h : k + _WIDEST + h + 1]))
+        float(np.partition(padded[k + _WIDEST - h : k + _WIDEST + h + 1], h)[h])
         for k, h in zip(narrow.tolist(), half.tolist(), strict=False)
     ]
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WIDEST + 1)
-    wide = np.median(windows[at[narrow.size :]], axis=1)
+    wide = np.partition(windows[at[narrow.size :]], _WIDEST, axis=1)[:, _WIDEST]
     return np.asarray(np.interp(np.arange(logs.size), at, np.concatenate([medians, wide])))
 
 

@@ -54,13 +54,18 @@ def _steps(values: FloatArray) -> FloatArray:
     )
 
 
-def contamination(values: FloatArray) -> Contamination:
-    """Compare the variance of the differences with what it is without outliers."""
+def contamination(values: FloatArray, *, closely: bool = True) -> Contamination:
+    """Compare the variance of the differences with what it is without outliers.
+
+    Not closely: the ratio stays 1 where too few are far for it to be serious, whatever it is.
+    """
     step = _steps(values)
     scale = median_scale(step)
     if step.size < 2 or scale == 0.0:
         return Contamination(1.0, 0.0, False)
-    far = int(np.count_nonzero(np.abs(step) > _FAR * scale))
+    far = int(np.count_nonzero(step > _FAR * scale) + np.count_nonzero(step < -_FAR * scale))
+    if far < _FEWEST_FAR and not closely:
+        return Contamination(1.0, far / step.size, False)
     ratio = float(step @ step) / step.size / robust_variance(step, biweight_tuning(0.5))[0]
     limit = 1.0 + max(_LEAST, _CHANCE / math.sqrt(step.size))
     return Contamination(ratio, far / step.size, ratio > limit and far >= _FEWEST_FAR)

@@ -136,7 +136,7 @@ def prepared(
     regression = without_covariates(signal, rate, columns or {})
     followed = values = regression.signal
     taken: tuple[Line, ...] = ()
-    seen = contamination(followed)
+    seen = contamination(followed, closely=False)
     if lines and not seen.serious:
         # outliers hide lines, and a sinusoid fitted to them would be wrong
         found = without_lines(followed, rate)

@@ -20,7 +20,7 @@ from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.estimation.parts import (
     FittedParts,
     Names,
-    evaluate,
+    Terms,
     free_parameters,
     log_bounds,
     logs_of,
@@ -89,34 +89,27 @@ class _Weighted:
         whitener = np.asarray(solve_triangular(lower, np.eye(len(total)), lower=True))
         return cls(curve, curve.variance, curve.of(process), whitener)
 
-    def moments(self, process: Process) -> FloatArray:
-        """Wavelet variance of a process at the scales."""
-        return self.curve.of(process)
-
     def misfit(self) -> float:
         """Misfit of the curve from the reference."""
         covariance = np.linalg.inv(self.whitener.T @ self.whitener)
         return misfit(self.variance, self.reference, np.asarray(covariance, dtype=np.float64))
 
-    def residual(
-        self, parts: Sequence[Process], names: Names, logs: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def residual(self, terms: Terms, logs: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Whitened misfit (t,) and derivatives of the whitened model (t, p)."""
-        model, jacobian = evaluate(parts, names, logs, self.moments)
+        model, jacobian = terms.at(logs)
         relative = (self.variance - model) / self.reference
         return self.whitener @ relative, self.whitener @ (jacobian / self.reference[:, None])
 
 
 def _stacked(
-    weighted: Sequence[_Weighted], parts: Sequence[Process], names: Names, logs: FloatArray
+    weighted: Sequence[_Weighted], drawn: Sequence[Terms], logs: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    pairs = [w.residual(parts, names, logs) for w in weighted]
+    pairs = [w.residual(t, logs) for w, t in zip(weighted, drawn, strict=True)]
     return np.concatenate([r for r, _ in pairs]), np.concatenate([j for _, j in pairs])
 
 
 def _minimise(
-    parts: Sequence[Process],
-    names: Names,
+    drawn: Sequence[Terms],
     logs: FloatArray,
     weighted: Sequence[_Weighted],
     bounds: tuple[FloatArray, FloatArray],
@@ -124,7 +117,7 @@ def _minimise(
     """Minimise with fixed weights."""
 
     def slopes(at: FloatArray) -> Slopes[None]:
-        residual, columns = _stacked(weighted, parts, names, at)
+        residual, columns = _stacked(weighted, drawn, at)
         return Slopes(float(residual @ residual), columns.T @ residual, columns.T @ columns, None)
 
     found = minimise(slopes, logs, bounds, _RULES)
@@ -145,12 +138,13 @@ def heterogeneity(
     """Test what the common parameters of several records cost beside separate ones."""
     weighted = _weights(curves, fit.process, discrepancy)
     bounds = _bounds(fit.parts, fit.names, curves)
-    common, _ = _minimise(fit.parts, fit.names, fit.logs, weighted, bounds)
-    residual, slopes = _stacked(weighted, fit.parts, fit.names, common)
+    drawn = [Terms.of(fit.parts, fit.names, w.curve.of) for w in weighted]
+    common, _ = _minimise(drawn, fit.logs, weighted, bounds)
+    residual, slopes = _stacked(weighted, drawn, common)
     apart = 0.0
-    for one in weighted:
-        logs, _ = _minimise(fit.parts, fit.names, common, [one], bounds)
-        own = one.residual(fit.parts, fit.names, logs)[0]
+    for one, terms in zip(weighted, drawn, strict=True):
+        logs, _ = _minimise([terms], common, [one], bounds)
+        own = one.residual(terms, logs)[0]
         apart += float(own @ own)
     seen = int(np.count_nonzero(np.sum(slopes**2, axis=0) > 1e-2))
     return max(float(residual @ residual) - apart, 0.0), (len(curves) - 1) * seen
@@ -166,6 +160,7 @@ def fit_moments(
     names = free_parameters(parts)
     logs, standing = logs_of(parts, names), False
     bounds = _bounds(parts, names, curves)
+    drawn = [Terms.of(parts, names, c.of) for c in curves]
     ended, reference = True, logs
     for step in range(steps):
         # half way once the weights should stand: they may swing about where they belong
@@ -173,15 +168,15 @@ def fit_moments(
         fitted = with_logs(parts, names, reference)
         weighted = _weights(curves, ProcessSum(fitted), discrepancy)
         before = logs
-        logs, ended = _minimise(parts, names, logs, weighted, bounds)
+        logs, ended = _minimise(drawn, logs, weighted, bounds)
         # a parameter that has vanished may go on sinking
-        seen = np.sum(_stacked(weighted, parts, names, logs)[1] ** 2, axis=0) > 1e-2
+        seen = np.sum(_stacked(weighted, drawn, logs)[1] ** 2, axis=0) > 1e-2
         moved = np.abs(logs - before)[seen]
         standing = step > 0 and (moved.size == 0 or float(np.max(moved)) < 1e-3)
         if standing:
             break
     fitted = with_logs(parts, names, logs)
-    slopes = _stacked(weighted, parts, names, logs)[1]
+    slopes = _stacked(weighted, drawn, logs)[1]
     final = _weights(curves, ProcessSum(fitted), discrepancy)
     bread = np.linalg.inv(slopes.T @ slopes + np.diag(np.full(len(names), _NOTHING)))
     meat, optimism, row = np.zeros((len(names), len(names))), 0.0, 0

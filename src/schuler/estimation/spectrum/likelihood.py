@@ -20,6 +20,7 @@ from schuler.estimation.optimizer import Rules, Slopes, minimise
 from schuler.estimation.parts import (
     FittedParts,
     Names,
+    Terms,
     evaluate,
     free_parameters,
     log_bounds,
@@ -199,9 +200,10 @@ def fit_spectrum_structure(
 ) -> SpectrumStructureFit:
     """Maximise the likelihood over the logarithms of the parameters by Fisher scoring."""
     names = checked_structure(parts)
+    terms = Terms.of(parts, names, points.expected)
 
     def slopes(logs: FloatArray) -> Slopes[tuple[FloatArray, FloatArray]]:
-        model, jacobian = evaluate(parts, names, logs, points.expected)
+        model, jacobian = terms.at(logs)
         model = np.maximum(model, 1e-300)
         jacobian = jacobian / model[:, None]
         ratio = points.density / model
