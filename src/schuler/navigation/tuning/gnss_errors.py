@@ -18,10 +18,10 @@ import numpy as np
 from schuler.data import GnssRecording, ImuRecording
 from schuler.navigation.aiding.gnss import GnssErrorModel
 from schuler.navigation.aiding.standstill import REST_INTERVAL, detect_standstill
-from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu
+from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.tuning.likelihood import enough_to_tune, innovations
-from schuler.navigation.tuning.scoring import maximise
+from schuler.navigation.tuning.likelihood import EDGE, enough_to_tune
+from schuler.navigation.tuning.linear_search import DriveLikelihood
 from schuler.navigation.tuning.standing_errors import wander_at_stands
 from schuler.navigation.tuning.vibration import level_at, vibration_level
 from schuler.screening.screen import Finding
@@ -109,13 +109,12 @@ def fit_split(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> RunSet
 
     moving = _moving(imu, gnss.time)
 
-    def evaluate(x: FloatArray) -> InnovationSequence:
-        found = innovations(slow, [gnss], at(x), level)
-        return found.select(moving(found.time))
-
-    if not evaluate(start).value.size:
+    none = np.zeros(len(names), dtype=np.bool_)
+    drive = DriveLikelihood(slow, [gnss], at, none, level, lambda i: i.select(moving(i.time)))
+    inside = (gnss.time > slow.time[0] + EDGE) & (gnss.time < slow.time[-1] - EDGE)
+    if not moving(gnss.time[inside]).any():
         return setup
-    found = maximise(evaluate, start, prior, floor)
+    found = drive.maximise(start, prior, floor)
     done = _judged(at(found.x), dict(zip(names, found.sd.tolist(), strict=True)))
     return _as_at_stands(imu, gnss, done)
 

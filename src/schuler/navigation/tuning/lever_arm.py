@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu
+from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.setup import RunSetup, TimeOffsets
 from schuler.navigation.tuning.gnss_errors import (
     FEWEST_FIXES,
@@ -24,8 +24,9 @@ from schuler.navigation.tuning.gnss_errors import (
     split_start,
     with_split,
 )
-from schuler.navigation.tuning.likelihood import enough_to_tune, find_time_offset, innovations
-from schuler.navigation.tuning.scoring import maximise, promised_gain
+from schuler.navigation.tuning.likelihood import enough_to_tune, find_time_offset
+from schuler.navigation.tuning.linear_search import DriveLikelihood
+from schuler.navigation.tuning.scoring import promised_gain
 from schuler.navigation.tuning.tune import ARM, ARM_PRIOR_SD, OFFSET_UNIT
 from schuler.screening.screen import Finding
 from schuler.types import FloatArray
@@ -149,8 +150,9 @@ class _Fit:
         place = base.lever_arm + (x[self.arm_places] if arm else 0.0)
         return with_split(replace(base, offsets=moved, lever_arm=place), v)
 
-    def evaluate(self, x: FloatArray, base: RunSetup, *, arm: bool) -> InnovationSequence:
-        return innovations(self.imu, [self.gnss], self.at(x, base, arm=arm))
+    def likelihood(self, base: RunSetup, *, arm: bool) -> DriveLikelihood:
+        shifts = np.array([n in OFFSETS for n in (self.names if arm else self.names[:-3])])
+        return DriveLikelihood(self.imu, [self.gnss], lambda x: self.at(x, base, arm=arm), shifts)
 
     def best(self, base: RunSetup, *, arm: bool) -> _Found:
         """The likeliest parameters about a setup."""
@@ -158,7 +160,7 @@ class _Fit:
         begin, prior, floor = split_start(base, names)
         if arm:
             prior[-3:] = ARM_PRIOR_SD**-2
-        found = maximise(lambda x: self.evaluate(x, base, arm=arm), begin, prior, floor)
+        found = self.likelihood(base, arm=arm).maximise(begin, prior, floor)
         done = self.at(found.x, base, arm=arm)
         # the prior of the arm is about what was told, wherever the search began
         away = done.lever_arm - self.told.lever_arm
@@ -171,7 +173,7 @@ class _Fit:
         x = np.concatenate([plain.x, np.zeros(3)])
         _, prior, _ = split_start(self.told, self.names)
         prior[-3:] = ARM_PRIOR_SD**-2
-        return promised_gain(lambda y: self.evaluate(y, self.told, arm=True), x, prior, 3)
+        return promised_gain(self.likelihood(self.told, arm=True).about(x), x, prior, 3)
 
 
 def arm_finding(

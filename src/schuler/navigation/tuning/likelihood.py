@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
 from schuler.navigation.aiding.schedule import VELOCITY, AidingSchedule
-from schuler.navigation.engine import gate_thresholds
+from schuler.navigation.engine import FilterRun, gate_thresholds
 from schuler.navigation.innovation_likelihood import RUN, InnovationSequence
 from schuler.navigation.preparation.setup import RunSetup, TimeOffsets
 from schuler.navigation.segments import run_in_segments
@@ -17,6 +17,8 @@ from schuler.types import FloatArray, IntArray
 
 EDGE = 1.0
 """Seconds from the ends of a recording within which fixes do not judge."""
+NO_NODES = 1e9
+"""Seconds between them."""
 
 
 def innovations(
@@ -31,32 +33,11 @@ def innovations(
     fixes in the same order whatever the time offsets are: all but those that an offset might push
     over the ends of the recording.
     """
-    initial = setup.initial_state(imu, gnss[0])
-    gate = gate_thresholds(0.0)
-    scale = None
-    if level is not None and setup.vibration.active:
-        scale = setup.vibration.white_scale(level)
-    scale = setup.condition.noise_scale(imu.time, scale, setup.model.white_density)
-    restarts = setup.restarts(gnss[0])
     found = []
+    scale = noise_scale(imu, setup, level)
     for number, fixes in enumerate(gnss):
-        schedule = setup.schedule(imu, fixes)
-        done = run_in_segments(
-            imu,
-            initial,
-            restarts,
-            setup.model,
-            schedule,
-            gate=gate,
-            white_scale=scale,
-            vehicle=setup.vehicle_states,
-            keep_samples=False,
-            keep_nodes=False,
-            node_interval=1e9,
-        )
-        rows, key = _judges(
-            schedule, fixes, setup.offsets, (float(imu.time[0]), float(imu.time[-1]))
-        )
+        schedule, done = filtered(imu, fixes, setup, scale, first=gnss[0])
+        rows, key = judging_rows(schedule, fixes, setup.offsets, imu)
         key += number * RUN // 3
         found.append(InnovationSequence.of_run(done, schedule.time, rows, key))
     return InnovationSequence(
@@ -67,20 +48,64 @@ def innovations(
     )
 
 
-def _judges(
-    schedule: AidingSchedule, fixes: GnssRecording, offsets: TimeOffsets, ends: tuple[float, float]
+def noise_scale(imu: ImuRecording, setup: RunSetup, level: FloatArray | None) -> FloatArray | None:
+    """Return what multiplies the squared white-noise densities, vibration at its `level`."""
+    scale = None
+    if level is not None and setup.vibration.active:
+        scale = setup.vibration.white_scale(level)
+    return setup.condition.noise_scale(imu.time, scale, setup.model.white_density)
+
+
+def filtered(
+    imu: ImuRecording,
+    fixes: GnssRecording,
+    setup: RunSetup,
+    scale: FloatArray | None,
+    *,
+    first: GnssRecording,
+    nodes: float | None = None,
+) -> tuple[AidingSchedule, FilterRun]:
+    """Filter a drive from where the `first` of its recordings begins; no gate, nothing is refused.
+
+    `nodes`: longest time between nodes, with what a smoother needs of them; None: none is kept.
+    """
+    schedule = setup.schedule(imu, fixes)
+    done = run_in_segments(
+        imu,
+        setup.initial_state(imu, first),
+        setup.restarts(first),
+        setup.model,
+        schedule,
+        gate=gate_thresholds(0.0),
+        white_scale=scale,
+        vehicle=setup.vehicle_states,
+        keep_samples=nodes is not None,
+        keep_nodes=nodes is not None,
+        node_interval=nodes or NO_NODES,
+        smoother_memory=np.inf,
+    )
+    return schedule, done
+
+
+def judging_rows(
+    schedule: AidingSchedule, fixes: GnssRecording, offsets: TimeOffsets, imu: ImuRecording
 ) -> tuple[IntArray, IntArray]:
     """Rows of a schedule that judge, and a number for each that no time offset changes."""
     rows = np.flatnonzero(schedule.kind <= VELOCITY)
     shift = np.array([offsets.position, offsets.velocity])[schedule.kind[rows]]
     at = schedule.time[rows] - shift
-    after = np.clip(np.searchsorted(fixes.time, at), 1, fixes.size - 1)
-    fix = after - (at - fixes.time[after - 1] < fixes.time[after] - at)
+    fix = epochs_at(fixes, at)
     key = fix + fixes.size * schedule.kind[rows]
-    inside = (fixes.time[fix] > ends[0] + EDGE) & (fixes.time[fix] < ends[1] - EDGE)
+    inside = (fixes.time[fix] > imu.time[0] + EDGE) & (fixes.time[fix] < imu.time[-1] - EDGE)
     kept = np.flatnonzero(inside if 2 * inside.sum() > rows.size else np.ones_like(inside))
     kept = kept[np.argsort(key[kept], kind="stable")]
     return rows[kept], key[kept]
+
+
+def epochs_at(fixes: GnssRecording, time: FloatArray) -> IntArray:
+    """Nearest epochs."""
+    after = np.clip(np.searchsorted(fixes.time, time), 1, fixes.size - 1)
+    return np.asarray(after - (time - fixes.time[after - 1] < fixes.time[after] - time))
 
 
 # searches around the edge of the one before

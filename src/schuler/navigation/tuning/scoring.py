@@ -13,7 +13,7 @@ import numpy as np
 
 from schuler.errors import EstimationError
 from schuler.navigation.innovation_likelihood import InnovationSequence
-from schuler.types import FloatArray, IntArray
+from schuler.types import BoolArray, FloatArray, IntArray
 
 # pieces of time whose scores are taken as independent of each other (s)
 SCORE_BLOCK = 20.0
@@ -45,19 +45,33 @@ class Maximum:
     converged: bool
 
 
+Evaluation = Callable[[FloatArray], InnovationSequence]
+
+
 def maximise(
-    evaluate: Callable[[FloatArray], InnovationSequence],
+    evaluate: Evaluation,
     x: FloatArray,
     prior: FloatArray,
     floor: FloatArray,
     longest: int = LONGEST_SEARCH,
+    near: Callable[[FloatArray], Evaluation] | None = None,
+    apart: BoolArray | None = None,
 ) -> Maximum:
     """Fisher scoring with a damped step, above a floor. Harvey, section 3.4.
 
     Derivatives of the innovations cost an evaluation for each parameter and change slowly: they
     are kept from step to step, with the innovations of the day, and taken anew where a step is
-    poor and before the search ends.
+    poor and before the search ends. `near` returns a cheaper evaluation that serves for them, but
+    for parameters that stand `apart`.
     """
+    exact = np.ones(x.size, dtype=np.bool_) if near is None or apart is None else apart
+
+    def derived() -> _Derivatives:
+        own = _derivatives(evaluate, x, now, exact)
+        if near is None:
+            return own
+        linear = near(x)
+        return own.with_others(_derivatives(linear, x, linear(x), ~exact))
 
     def value(sequence: InnovationSequence, at: FloatArray) -> float:
         return sequence.log_likelihood - 0.5 * float(at @ (prior * at))
@@ -73,7 +87,7 @@ def maximise(
     # curvature over that which is expected
     bend = 1.0
     x = x.astype(np.float64)
-    derivatives = _derivatives(evaluate, x, now)
+    derivatives = derived()
     for _ in range(longest if prior.size else 0):
         slopes = derivatives.slopes(now, x, prior)
         step, promise = _step(slopes, x, floor, damping)
@@ -81,7 +95,7 @@ def maximise(
             converged = since < STILL_GOOD
             if converged:
                 break
-            derivatives, since = _derivatives(evaluate, x, now), 0.0
+            derivatives, since = derived(), 0.0
             continue
         length = 1.0 / bend
         step = np.maximum(length * step, floor - x)
@@ -92,7 +106,7 @@ def maximise(
         bend = float(np.clip(seen, 1.0, MOST_BEND))
         if not good:
             if since > 0.0:
-                derivatives, since = _derivatives(evaluate, x, now), 0.0
+                derivatives, since = derived(), 0.0
             elif length <= 1.0 / MOST_BEND:
                 damping = max(4.0 * damping, 0.1)
             if damping > 1e6:
@@ -101,7 +115,7 @@ def maximise(
         x, now, best, since = x + step, trial, best + gain, since + gain
         damping = 0.0 if damping < 0.2 else 0.25 * damping
         if gain < POOR_STEP * promise or not np.array_equal(now.key, derivatives.key):
-            derivatives, since = _derivatives(evaluate, x, now), 0.0
+            derivatives, since = derived(), 0.0
     slopes = derivatives.slopes(now, x, prior)
     covariance = slopes.covariance
     return Maximum(
@@ -115,14 +129,15 @@ def maximise(
 
 
 def promised_gain(
-    evaluate: Callable[[FloatArray], InnovationSequence],
+    evaluate: Evaluation,
     x: FloatArray,
     prior: FloatArray,
     last: int,
 ) -> float:
     """Gain of log-likelihood that the last parameters promise over the best of the others."""
     now = evaluate(x)
-    slopes = _derivatives(evaluate, x, now).slopes(now, x, prior)
+    every = np.ones(x.size, dtype=np.bool_)
+    slopes = _derivatives(evaluate, x, now, every).slopes(now, x, prior)
     gradient, information = slopes.gradient, slopes.information
     rest = x.size - last
     whole = gradient @ np.linalg.solve(information, gradient)
@@ -174,6 +189,14 @@ class _Derivatives:
     spread: FloatArray
     key: IntArray
 
+    def with_others(self, more: _Derivatives) -> _Derivatives:
+        """Add those by other parameters."""
+        _, here, there = np.intersect1d(self.key, more.key, return_indices=True)
+        value, spread = self.value.copy(), self.spread.copy()
+        value[here] += more.value[there]
+        spread[here] += more.spread[there]
+        return _Derivatives(value, spread, self.key)
+
     def slopes(self, now: InnovationSequence, x: FloatArray, prior: FloatArray) -> _Slopes:
         """What follows from them with innovations that may be those of a step later."""
         root = np.sqrt(now.variance)
@@ -191,7 +214,7 @@ class _Derivatives:
 
 
 def _derivatives(
-    evaluate: Callable[[FloatArray], InnovationSequence], x: FloatArray, now: InnovationSequence
+    evaluate: Evaluation, x: FloatArray, now: InnovationSequence, wanted: BoolArray
 ) -> _Derivatives:
     """Numerical derivatives, one evaluation for each parameter, two where it turns an order.
 
@@ -199,7 +222,7 @@ def _derivatives(
     moved to the side that leaves their order as it is.
     """
     value, spread = np.zeros((2, now.value.size, x.size))
-    for k in range(x.size):
+    for k in np.flatnonzero(wanted):
         for step in (DERIVATIVE_STEP, -DERIVATIVE_STEP):
             moved = x.copy()
             moved[k] += step

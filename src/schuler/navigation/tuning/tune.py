@@ -27,7 +27,7 @@ import numpy as np
 from schuler.data import GnssRecording, ImuRecording
 from schuler.errors import EstimationError
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.navigation.innovation_likelihood import InnovationSequence, slower_imu, thin
+from schuler.navigation.innovation_likelihood import slower_imu, thin
 from schuler.navigation.preparation.setup import (
     NoiseFactors,
     ParameterSpread,
@@ -35,8 +35,8 @@ from schuler.navigation.preparation.setup import (
     TimeOffsets,
 )
 from schuler.navigation.tuning.gnss_errors import FLOOR, WHITE, split_errors, with_split
-from schuler.navigation.tuning.likelihood import innovations
-from schuler.navigation.tuning.scoring import LONGEST_SEARCH, maximise
+from schuler.navigation.tuning.linear_search import DriveLikelihood
+from schuler.navigation.tuning.scoring import LONGEST_SEARCH
 from schuler.navigation.tuning.vibration import VibrationResponse, level_at, vibration_level
 from schuler.types import FloatArray
 
@@ -74,7 +74,7 @@ class Tuning:
     gain : float
         By how much it rose above the start.
     evaluations : int
-        How often the whole drive was filtered with all thinnings.
+        How many sets of parameters were tried.
     converged : bool
         Whether the search ended by itself.
     standard_errors : dict of str to float
@@ -166,20 +166,21 @@ def tune(
     prior, floor = np.array([_prior_and_floor(n, sought.prior_sd) for n in names]).T
     calls = 0
 
-    def evaluate(x: FloatArray) -> InnovationSequence:
+    def at(x: FloatArray) -> RunSetup:
         nonlocal calls
         calls += 1
-        if progress is not None and calls % 10 == 0:
-            progress(f"tuning: the drive filtered {calls} times")
-        setup = _sparser(setup_at(held | dict(zip(names, x, strict=True)), start))
-        return innovations(slow, thinned, setup, level)
+        if progress is not None and calls % 50 == 0:
+            progress(f"tuning: {calls} sets of parameters tried")
+        return _sparser(setup_at(held | dict(zip(names, x, strict=True)), start))
 
     split = split_errors(start)
     begun = {WHITE: 0.0 if split is None else float(np.log(split.white))} | dict(sought.first)
     begin = np.array([begun.get(n, 0.0) for n in names])
     begin = np.maximum(begin, floor)
-    found = maximise(evaluate, begin, prior, floor, sought.longest)
-    unit = np.array([OFFSET_UNIT if "offset" in n else 1.0 for n in names])
+    shifts = np.array(["offset" in n for n in names])
+    drive = DriveLikelihood(slow, thinned, at, shifts, level)
+    found = drive.maximise(begin, prior, floor, sought.longest)
+    unit = np.where(shifts, OFFSET_UNIT, 1.0)
     values = dict(zip(names, found.x.tolist(), strict=True))
     setup = setup_at(held | values, start)
     if not held:
