@@ -183,8 +183,8 @@ class RowTable:
         ):
             own = np.flatnonzero(self.kind == kind)
             if shift != 0.0:
-                there, here = self.path.at(self.time[own] + shift), self.path.at(self.time[own])
-                residual[own] += there[1 - kind] - here[1 - kind]
+                later, now = self.path.at(self.time[own] + shift), self.path.at(self.time[own])
+                residual[own] += later[1 - kind] - now[1 - kind]
             if shift != 0.0 and kind == POSITION:
                 residual[own] -= shift * self.jump[own]
                 design[own[:, None], np.arange(3), np.arange(3, 6)] += shift
