@@ -7,7 +7,6 @@ and the filter copes with it (navigation/preparation/gaps.py).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from schuler.errors import NavigationError
 from schuler.navigation.preparation.fixes import (
     CONVINCING,
     LEAST_JUMP,
+    FixScreening,
     TurnComparison,
     compare_turns,
     screen_fixes,
@@ -59,7 +59,7 @@ def screen_drive(
     findings += jumped
     findings += _clock(turns, time_offset)
     fixes = screen_fixes(gnss)
-    findings += _findings_on_fixes(gnss, fixes.wrong, fixes.away, fixes.jumps)
+    findings += _findings_on_fixes(gnss, fixes)
     findings += _coverage(imu, gnss)
     gaps = find_data_gaps(imu)
     findings += [_finding_on_gap(part) for part in gaps]
@@ -200,43 +200,46 @@ def _clock(turns: TurnComparison, given: float | None) -> list[Finding]:
     ]
 
 
-def _findings_on_fixes(
-    gnss: GnssRecording,
-    wrong: NDArray[np.bool_],
-    away: FloatArray,
-    jumps: Sequence[tuple[float, float]],
-) -> list[Finding]:
+def _findings_on_fixes(gnss: GnssRecording, fixes: FixScreening) -> list[Finding]:
     found = []
-    if wrong.any():
-        at = np.flatnonzero(wrong)
-        times = ", ".join(f"{gnss.time[k]:.2f}" for k in at[:MOST_NAMED])
-        times += ", ..." if at.size > MOST_NAMED else ""
-        one = at.size == 1
+    at = np.flatnonzero(fixes.wrong)
+    if at.size:
+        runs = [
+            (float(gnss.time[r[0]]), float(gnss.time[r[-1]]))
+            for r in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+        ]
+        times = ", ".join(
+            f"{a:.2f}" if a == b else f"{a:.2f} to {b:.2f}" for a, b in runs[:MOST_NAMED]
+        )
+        times += ", ..." if len(runs) > MOST_NAMED else ""
+        one, away = at.size == 1, float(fixes.away.max())
         found.append(
             Finding(
                 "wrong fix",
                 "warning",
                 f"{at.size} GNSS position{' is' if one else 's are'} "
-                f"{'' if one else 'up to '}{_distance(float(away.max()))} away from where those "
+                f"{'' if one else 'up to '}{_distance(away)} away from where those "
                 f"around {'it' if one else 'them'} put {'it' if one else 'them'} (at {times} s): "
                 "left out",
                 (),
-                tuple((float(gnss.time[k]), float(gnss.time[k])) for k in at),
-                float(away.max()),
+                tuple(runs),
+                away,
             )
         )
-    for time, size in jumps[:MOST_NAMED]:
-        found.append(
-            Finding(
-                "GNSS jump",
-                "warning",
-                f"GNSS positions jump by {_distance(size)} at {time:.2f} s and stay there",
-                (),
-                ((time, time),),
-                size,
-                cure="positions before or after it may be wrong by as much",
+    for what, jumps in (("positions", fixes.jumps), ("heights", fixes.height_jumps)):
+        for time, size in jumps[:MOST_NAMED]:
+            found.append(
+                Finding(
+                    "GNSS jump",
+                    "warning",
+                    f"GNSS {what} jump by {_distance(size)} at {time:.2f} s and stay there",
+                    (),
+                    ((time, time),),
+                    size,
+                    cure=f"{what} before or after it may be wrong by as much"
+                    + (": above ellipsoid and geoid mixed?" if what == "heights" else ""),
+                )
             )
-        )
     return found
 
 

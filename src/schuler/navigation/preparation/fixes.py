@@ -17,7 +17,9 @@ from schuler.data import GnssRecording, ImuRecording
 from schuler.types import FloatArray
 
 SIGMAS = 10.0
-"""Standard deviations of a step that a good fix may be off."""
+"""Standard deviations of a step that a good fix may be off, ..."""
+DETOUR_SIGMAS = 5.0
+"""... and where another step leads back."""
 SLACK = 3.0
 """Metres besides: receivers change their satellites and ambiguities."""
 AGILITY = 10.0
@@ -26,6 +28,12 @@ LONGEST_STRETCH = 5
 """Epochs of a wrong stretch; a longer one is a change of the receiver's mind."""
 LONGEST_BRIDGE = 10.0
 """Seconds between neighbours that are still compared."""
+LONGEST_DETOUR = 90.0
+"""Seconds after which a receiver that jumped may still jump back to where its velocities lead."""
+DRIFT = 0.2
+"""Errors of velocities that add up on such a way, m/s."""
+FEWEST_HELD = 3
+"""Epochs with exactly the same position."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,30 +43,66 @@ class FixScreening:
     Parameters
     ----------
     wrong : (n,) ndarray of bool
-        Epochs that fit neither the one before nor the one behind.
+        Epochs that fit neither the one before nor the one behind, or only repeat a fix.
     away : (n,) ndarray
         How far they are from where their neighbours put them, m; zero for good ones.
-    jumps : tuple of (float, float)
+    jumps, height_jumps : tuple of (float, float)
         Time (s) and size (m) of jumps that stay.
     """
 
     wrong: NDArray[np.bool_]
     away: FloatArray
     jumps: tuple[tuple[float, float], ...]
+    height_jumps: tuple[tuple[float, float], ...] = ()
 
 
 def screen_fixes(gnss: GnssRecording) -> FixScreening:
     """Look for fixes that are off by more than their uncertainty and any motion explain."""
-    n = gnss.size
-    wrong, away = np.zeros(n, dtype=bool), np.zeros(n)
+    away = _held(gnss)
+    free = np.flatnonzero(away == 0.0)
+    rest = gnss.select(away == 0.0)
+    away[free] = _screen(_Track(rest, slice(0, 2)), DETOUR_SIGMAS, only_detours=True)[0]
+    free = np.flatnonzero(away == 0.0)
+    rest = gnss.select(away == 0.0)
+    away[free], jumps = _screen(_Track(rest, slice(0, 2)), SIGMAS)
+    inner = gnss.select(away == 0.0)
+    return FixScreening(away > 0.0, away, jumps, _screen(_Track(inner, slice(2, 3)), SIGMAS)[1])
+
+
+def _held(gnss: GnssRecording) -> FloatArray:
+    """Return how far the vehicle is from a fix that a receiver held while it had none, (n,).
+
+    A receiver that holds its fix at rest goes on from there; one that lost its satellites jumps.
+    """
+    away = np.zeros(gnss.size)
+    fresh = np.ones(gnss.size, dtype=bool)
+    fresh[1:] = (gnss.position[1:] != gnss.position[:-1]).any(axis=1)
+    starts = np.append(np.flatnonzero(fresh), gnss.size)
+    runs = [(a, b) for a, b in pairwise(starts.tolist()) if b - a >= FEWEST_HELD and b < gnss.size]
+    if not runs:
+        return away
+    track = _Track(gnss, slice(0, 2))
+    for a, b in runs:
+        speed = max(np.linalg.norm(track.velocity[k]) for k in (max(a - 1, 0), b))
+        off = float(np.linalg.norm(track.local[b] - track.local[a]))
+        if off > SLACK + SIGMAS * track.sd[b] + 2.0 * speed * (gnss.time[b] - gnss.time[b - 1]):
+            away[a + 1 : b] = off
+    return away
+
+
+def _screen(
+    track: _Track, sigmas: float, *, only_detours: bool = False
+) -> tuple[FloatArray, tuple[tuple[float, float], ...]]:
+    """Return how far off the wrong epochs of a track are, and the jumps that stay."""
+    n = track.time.size
+    away = np.zeros(n)
     if n < 4:
-        return FixScreening(wrong, away, ())
-    track = _Track(gnss)
+        return away, ()
     index = np.arange(n - 1)
-    left, allowed = track.misfit(index, index + 1)
+    left, allowed = track.misfit(index, index + 1, sigmas)
     breaks = np.flatnonzero(left > allowed)
     if not breaks.size:
-        return FixScreening(wrong, away, ())
+        return away, ()
     edges = np.concatenate([[0], breaks + 1, [n]])
     stretches = [(int(a), int(b)) for a, b in pairwise(edges)]
     jumps: list[tuple[float, float]] = []
@@ -66,27 +110,28 @@ def screen_fixes(gnss: GnssRecording) -> FixScreening:
     sizes = [b - a for a, b in stretches]
     start = int(np.argmax(np.array(sizes) > min(LONGEST_STRETCH, max(sizes) - 1)))
     for a, b in stretches[:start]:
-        off, room = track.misfit_of(a, stretches[start][0])
-        if off > room:
-            wrong[a:b] = True
+        off, room = track.misfit_of(a, stretches[start][0], sigmas)
+        if off > room and not only_detours:
             away[a:b] = off
-    last = stretches[start][1] - 1
-    for a, b in stretches[start + 1 :]:
-        off, room = track.misfit_of(last, a)
-        if off > room and b - a <= LONGEST_STRETCH:
-            wrong[a:b] = True
+    last, back = stretches[start][1] - 1, 0
+    for k, (a, b) in enumerate(stretches[start + 1 :], start + 1):
+        off, room = track.misfit_of(last, a, sigmas)
+        if off > room and a >= back:
+            later = (c for c, _ in stretches[k + 1 :])
+            back = next((c for c in later if track.comes_back(last, c, off)), back)
+        if off > room and (a < back or (b - a <= LONGEST_STRETCH and not only_detours)):
             away[a:b] = off
             continue
         if off > room and np.isfinite(room):
-            jumps.append((float(gnss.time[a]), off))
+            jumps.append((float(track.time[a]), off))
         last = b - 1
-    return FixScreening(wrong, away, tuple(jumps))
+    return away, tuple(jumps)
 
 
 class _Track:
     """Positions in local metres, with velocities from the receiver or from the positions."""
 
-    def __init__(self, gnss: GnssRecording) -> None:
+    def __init__(self, gnss: GnssRecording, axes: slice) -> None:
         from schuler.earth import metres_per_radian
 
         # around a median: one fix may be anywhere on earth
@@ -95,27 +140,43 @@ class _Track:
         turn = gnss.position - middle
         turn[:, 1] -= 2.0 * np.pi * np.round(turn[:, 1] / (2.0 * np.pi))
         self.time = gnss.time
-        self.local = turn[:, :2] * np.array([float(north), float(east)])
+        self.local = (turn * np.array([float(north), float(east), -1.0]))[:, axes]
         sd = np.full(gnss.size, np.nan)
         if gnss.position_sd is not None:
-            sd = gnss.position_sd[:, :2].max(axis=1)
+            sd = gnss.position_sd[:, axes].max(axis=1)
         self.sd = np.where(np.isfinite(sd), sd, 5.0)
+        # share of a t² that a way may differ from that by the mean of both velocities
+        self.unseen = 0.5 if gnss.velocity is None else 0.25
         if gnss.velocity is not None:
-            self.velocity = gnss.velocity[:, :2]
+            self.velocity = gnss.velocity[:, axes]
         else:
             self.velocity = _running_velocity(self.time, self.local)
 
-    def misfit(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    def misfit(
+        self, i: NDArray[np.int64], j: NDArray[np.int64], sigmas: float
+    ) -> tuple[FloatArray, FloatArray]:
         """Metres that are left of the way from i to j, and how many may be."""
         span = self.time[j] - self.time[i]
         way = 0.5 * (self.velocity[i] + self.velocity[j]) * span[:, None]
         left = np.linalg.norm(self.local[j] - self.local[i] - way, axis=1)
-        allowed = SLACK + SIGMAS * np.hypot(self.sd[i], self.sd[j]) + 0.5 * AGILITY * span**2
+        allowed = SLACK + sigmas * np.hypot(self.sd[i], self.sd[j])
+        allowed += self.unseen * AGILITY * span**2
         return left, np.where(span > LONGEST_BRIDGE, np.inf, allowed)
 
-    def misfit_of(self, i: int, j: int) -> tuple[float, float]:
-        left, allowed = self.misfit(np.array([i]), np.array([j]))
+    def misfit_of(self, i: int, j: int, sigmas: float) -> tuple[float, float]:
+        left, allowed = self.misfit(np.array([i]), np.array([j]), sigmas)
         return float(left[0]), float(allowed[0])
+
+    def comes_back(self, i: int, j: int, off: float) -> bool:
+        """Whether velocities lead from i to j, though what lies between is off by some metres."""
+        span = self.time[j] - self.time[i]
+        if span > LONGEST_DETOUR:
+            return False
+        steps = np.diff(self.time[i : j + 1])[:, None]
+        way = (0.5 * (self.velocity[i:j] + self.velocity[i + 1 : j + 1]) * steps).sum(axis=0)
+        left = float(np.linalg.norm(self.local[j] - self.local[i] - way))
+        sd = float(np.hypot(self.sd[i], self.sd[j]))
+        return left < min(0.3 * off, SLACK + 3.0 * sd + DRIFT * float(span))
 
 
 def _running_velocity(time: FloatArray, local: FloatArray) -> FloatArray:
