@@ -62,6 +62,9 @@ def test_a_fix_that_is_held_at_rest_is_good() -> None:
     position = gnss.position.copy()
     position[101:121] = position[100]
     assert not screen_fixes(replace(gnss, position=position)).wrong.any()
+    position[121:123, 0] += 1000.0 / RADIUS
+    found = screen_fixes(replace(gnss, position=position))
+    assert np.flatnonzero(found.wrong).tolist() == [121, 122]
 
 
 @pytest.mark.parametrize("metres", [18.0, 60.0])

@@ -84,7 +84,9 @@ def _held(gnss: GnssRecording) -> FloatArray:
     track = _Track(gnss, slice(0, 2))
     for a, b in runs:
         speed = max(np.linalg.norm(track.velocity[k]) for k in (max(a - 1, 0), b))
-        off = float(np.linalg.norm(track.local[b] - track.local[a]))
+        # the first that is not held may be a wrong one
+        after = track.local[b : b + LONGEST_STRETCH + 1]
+        off = float(np.linalg.norm(after - track.local[a], axis=1).min())
         if off > SLACK + SIGMAS * track.sd[b] + 2.0 * speed * (gnss.time[b] - gnss.time[b - 1]):
             away[a + 1 : b] = off
     return away
