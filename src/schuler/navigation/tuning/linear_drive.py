@@ -10,7 +10,7 @@ of GNSS together.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -128,6 +128,8 @@ class LinearDrive:
         Measurements of all thinnings.
     judges, keys : (q,) ndarray of int
         Rows that judge, and their names.
+    seen : dict
+        Design and residuals by the offsets and the arm that were asked for last.
     """
 
     imu: ImuRecording
@@ -141,6 +143,7 @@ class LinearDrive:
     table: RowTable
     judges: IntArray
     keys: IntArray
+    seen: dict[tuple[object, ...], tuple[FloatArray, FloatArray]] = field(default_factory=dict)
 
     @classmethod
     def about(
@@ -193,7 +196,11 @@ class LinearDrive:
     def innovations(self, setup: RunSetup) -> InnovationSequence:
         """What `innovations` would find with another setup of the same kind."""
         scale = noise_scale(self.imu, setup, self.level)
-        design, variance, residual = self.table.moved(self.fixes, self.setup, setup, scale)
+        asked = (setup.offsets, *setup.lever_arm.tolist())
+        if asked not in self.seen:
+            self.seen.clear()
+            self.seen[asked] = self.table.seen(self.setup, setup)
+        design, residual, variance = self.table.weighted(setup, *self.seen[asked], scale)
         scalar = np.zeros((*residual.shape, 2))
         rows = LinearRows(design, variance, residual, self.table.correction, scalar)
         initial = setup.initial_state(self.imu, self.fixes)

@@ -74,6 +74,8 @@ class RowTable:
         Of the noise; 0 where a component is not used.
     extra : (r, 3) ndarray
         What of it is not the measurement's own.
+    claimed : (r, 3) ndarray
+        What a receiver claims by itself.
     residual : (r, 3) ndarray
         Predicted minus measured.
     correction : (r, s) ndarray
@@ -99,6 +101,7 @@ class RowTable:
     design: FloatArray
     variance: FloatArray
     extra: FloatArray
+    claimed: FloatArray
     residual: FloatArray
     correction: FloatArray
     rotation: FloatArray
@@ -125,6 +128,7 @@ class RowTable:
         share = np.einsum("uis,uis->ui", aiding.row, aiding.gain)
         variance = np.where(used, spread * (1.0 - share), 0.0)
         own = np.where(used & (schedule.kind[:, None] != POSITION), schedule.variance, variance)
+        fix = _fixes_of(schedule, fixes, setup)
         correction = np.einsum("uis,ui->us", aiding.gain, np.where(used, innovation, 0.0))
         node = np.repeat(np.arange(nodes.time.size), nodes.aid[:, 1] - nodes.aid[:, 0])
         before = np.cumsum(correction, axis=0) - correction
@@ -143,10 +147,11 @@ class RowTable:
             time,
             schedule.kind,
             node,
-            _fixes_of(schedule, fixes, setup),
+            fix,
             aiding.row,
             variance,
             np.where(used, variance - own, 0.0),
+            _claimed(schedule, fix, fixes),
             np.where(used, aiding.residual, 0.0),
             correction,
             rotation,
@@ -167,15 +172,9 @@ class RowTable:
         some = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "path"}
         return replace(self, **some | {"variance": np.where(used[:, None], some["variance"], 0.0)})
 
-    def moved(
-        self, fixes: GnssRecording, before: RunSetup, after: RunSetup, scale: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Design, variances and residuals with another setup than that of the run.
-
-        `scale` (n, 6): what multiplies the white noise of samples.
-        """
-        design, variance, residual = self.design.copy(), self.variance.copy(), self.residual.copy()
-        used = self.variance > 0.0
+    def seen(self, before: RunSetup, after: RunSetup) -> tuple[FloatArray, FloatArray]:
+        """Design and residuals with other time offsets and another arm than those of the run."""
+        design, residual = self.design.copy(), self.residual.copy()
         arm = after.lever_arm - before.lever_arm
         for kind, shift, turn in (
             (POSITION, after.offsets.position - before.offsets.position, self.rotation),
@@ -197,23 +196,23 @@ class RowTable:
                 if kind == VELOCITY:
                     by_rate = skew(_shown(after)[1]) @ arm
                     design[own, :, 9:] += np.einsum("rij,mj->rim", self.rotation[own], by_rate)
-        self._weighted(fixes, after, design, variance, residual, scale)
-        variance[~used], residual[~used] = 0.0, 0.0
-        return design, variance, residual
+        return design, residual
 
-    def _weighted(
+    def weighted(
         self,
-        fixes: GnssRecording,
         setup: RunSetup,
         design: FloatArray,
-        variance: FloatArray,
         residual: FloatArray,
         scale: FloatArray | None,
-    ) -> None:
-        """Write the noise by a setup, and how errors that last are seen."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Design, residuals and variances with the noise of a setup, and what lasts of GNSS errors.
+
+        `scale` (n, 6): what multiplies the white noise of samples.
+        """
         factors, slow = setup.factors, setup.measurements.correlated
+        design, residual, variance = design.copy(), residual.copy(), self.variance.copy()
         own = np.flatnonzero(self.kind == POSITION)
-        claimed = (_of(fixes.position_sd, self.fix[own]) * factors.position_sd) ** 2
+        claimed = self.claimed[own] * factors.position_sd**2
         if isinstance(slow, GnssErrorModel):
             axes = np.arange(3)
             at, states = own[:, None], slow.place + axes
@@ -224,13 +223,15 @@ class RowTable:
         elif slow is None:
             variance[own] = claimed
         own = np.flatnonzero(self.kind == VELOCITY)
-        if own.size:
-            claimed = (_of(fixes.velocity_sd, self.fix[own]) * factors.velocity_sd) ** 2
-            variance[own] = claimed + self.by_gyros(own, setup, scale)
+        variance[own] = self.claimed[own] * factors.velocity_sd**2
+        if np.any(setup.lever_arm):
+            variance[own] += self.by_gyros(own, setup, scale)
         if setup.vehicle is not None:
             own = np.flatnonzero(self.kind == VEHICLE_VELOCITY)
             across = [setup.vehicle.lateral_sd, setup.vehicle.vertical_sd]
             variance[own, 1:] = np.square(across) + self.extra[own, 1:]
+        used = self.variance > 0.0
+        return design, np.where(used, residual, 0.0), np.where(used, variance, 0.0)
 
     def by_gyros(self, rows: IntArray, setup: RunSetup, scale: FloatArray | None) -> FloatArray:
         """Variance (.., 3) that the noise of one sample of the gyros puts into the velocity."""
@@ -243,9 +244,14 @@ class RowTable:
         return np.asarray(np.einsum("rij,rj->ri", shown, density) / step[:, None])
 
 
-def _of(sd: FloatArray | None, fix: IntArray) -> FloatArray:
-    assert sd is not None
-    return sd[fix]
+def _claimed(schedule: AidingSchedule, fix: IntArray, fixes: GnssRecording) -> FloatArray:
+    """Squared standard deviations that the receiver claims; 0 where it does not measure."""
+    claimed = np.zeros((schedule.size, 3))
+    for kind, sd in ((POSITION, fixes.position_sd), (VELOCITY, fixes.velocity_sd)):
+        rows = np.flatnonzero(schedule.kind == kind)
+        if sd is not None:
+            claimed[rows] = sd[fix[rows]] ** 2
+    return claimed
 
 
 def _shown(setup: RunSetup) -> tuple[FloatArray, FloatArray]:
