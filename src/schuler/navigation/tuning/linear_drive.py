@@ -102,7 +102,9 @@ class StepParts:
         """Mean over steps between nodes of what multiplies the densities of samples (n, 6)."""
         total = np.zeros((self.time.size, 6))
         first = np.searchsorted(self.node, np.arange(1, self.time.size))
-        total[1:] = np.add.reduceat(scale[self.sample] * self.span[:, None], first, axis=0)
+        total[1:] = np.add.reduceat(
+            np.take(scale, self.sample, axis=0) * self.span[:, None], first, axis=0
+        )
         total = np.cumsum(total, axis=0)
         span = np.maximum(self.time[edges[1]] - self.time[edges[0]], 1e-9)
         return np.asarray((total[edges[1]] - total[edges[0]]) / span[:, None])
@@ -128,8 +130,9 @@ class LinearDrive:
         Measurements of all thinnings.
     judges, keys : (q,) ndarray of int
         Rows that judge, and their names.
-    seen : dict
-        Design and residuals by the offsets and the arm that were asked for last.
+    seen, grown : dict
+        Design and residuals by the offsets and the arm that were asked for last; variance of the
+        sensor errors by a unit of noise, for how long what lasts was said to last.
     """
 
     imu: ImuRecording
@@ -144,6 +147,7 @@ class LinearDrive:
     judges: IntArray
     keys: IntArray
     seen: dict[tuple[object, ...], tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    grown: dict[bytes, FloatArray] = field(default_factory=dict)
 
     @classmethod
     def about(
@@ -217,15 +221,18 @@ class LinearDrive:
         model, steps, parts, (first, last) = setup.model, self.steps, self.parts, self.edges
         mean = 1.0 if scale is None else parts.mean_scale(scale, self.edges)
         steps.weight[:] = model.white_density**2 * mean
-        span = (parts.time[last] - parts.time[first])[:, None]
         rate = model.drift[:, 0]
-        lasting = rate == 0.0
-        exponent = span * np.where(lasting, -1.0, rate)
-        steps.decay[:] = np.where(lasting, 1.0, np.exp(exponent))
-        grown = np.expm1(2.0 * exponent) / np.where(lasting, -2.0, 2.0 * rate)
-        steps.noise[:] = model.diffusion[:, 0] * np.where(lasting, span, grown)
-        # the run moved its sensor states by its own model
-        steps.shift[:, 9:] = parts.before[last] - steps.decay * parts.after[first]
+        if rate.tobytes() not in self.grown:
+            span = (parts.time[last] - parts.time[first])[:, None]
+            lasting = rate == 0.0
+            exponent = span * np.where(lasting, -1.0, rate)
+            steps.decay[:] = np.where(lasting, 1.0, np.exp(exponent))
+            grown = np.expm1(2.0 * exponent) / np.where(lasting, -2.0, 2.0 * rate)
+            # the run moved its sensor states by its own model
+            steps.shift[:, 9:] = parts.before[last] - steps.decay * parts.after[first]
+            self.grown.clear()
+            self.grown[rate.tobytes()] = np.where(lasting, span, grown)
+        steps.noise[:] = model.diffusion[:, 0] * self.grown[rate.tobytes()]
 
     def _begin(self, initial: InitialState) -> FloatArray:
         """Error of the run's start, by another start."""
