@@ -52,10 +52,6 @@ def interpretation(results: Results, size: Size) -> Found:
     """What the position column should have been."""
     one = results[0]
     proofs = {
-        "white": Proof(
-            "white errors integrate to sd sqrt(dt t³/3): less than a metre in an hour",
-            float(one["white_position"]), 0.0, 1.0,
-        ),
         "pendulum": Proof(
             "2 (1 - cos x)/x² with x = t sqrt(g/R) is an eighth after an hour",
             float(one["accel_share"]), 0.0, 0.5,

@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler_papers.experiment import Results, Size, stacked
 from schuler_papers.judging import Found, plain
-from schuler_papers.outcome import Curve, Panel, Proof, Role
+from schuler_papers.outcome import Curve, Panel, Role
 from schuler_papers.waegli2010.arithmetic import SIGMAS, TABLE_4
 from schuler_papers.waegli2010.fusion import BIAS, FACTORS, RATE
 
@@ -105,11 +105,7 @@ def weights(results: Results, size: Size) -> Found:
     oracle = stacked(results, "oracle")
     over_best = {name: stacked(results, name) / oracle for name in ("naive", "hat", "equal")}
     values = {**plain(results, size).values, **over_best}
-    mixing = Proof(
-        "(1 - 2/n) I + 11ᵀ/n² turns variances 100, 1, 1, 1 into a ratio of 56.4/6.9",
-        (0.5 * 100.0 + 103.0 / 16.0) / (0.5 + 103.0 / 16.0), 8.0, 8.3,
-    )  # fmt: skip
-    return Found(values, proofs={"mixing": mixing})
+    return Found(values)
 
 
 def table_4(results: Results, size: Size) -> Found:
