@@ -138,7 +138,7 @@ def show_reproduction(
         if not items:
             continue
         cost = sum(e.cpu_seconds for (name, _), e in found.efforts.items() if name == paper.name)
-        screen.heading(f"{paper.authors} ({paper.label})", f"{found.size}, {duration(cost)} of CPU")
+        screen.heading(paper.authors, f"{found.size}, {duration(cost)} of CPU")
         if detailed:
             _show_values(screen, items)
         else:

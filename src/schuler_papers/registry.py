@@ -23,6 +23,11 @@ class Paper:
     title: str
     journal: str
 
+    @property
+    def short(self) -> str:
+        """First author and year, as one would quote it."""
+        return f"{self.name[:-4].capitalize()} {self.name[-4:]}"
+
 
 PAPERS = {
     paper.name: paper

@@ -98,7 +98,7 @@ def run_unit(paper: str, name: str, seed: int, size: Size, folder: str | None) -
             return experiment.run(seed, size, Path(folder or "."))
         return experiment.run(seed, size)
     except SchulerError as error:
-        raise error.at(f"{PAPERS[paper].label}, {experiment.title}, seed {seed}") from error
+        raise error.at(f"{PAPERS[paper].short}, {experiment.title}, seed {seed}") from error
 
 
 def data_folder(given: Path | None = None) -> Path | None:
@@ -134,10 +134,10 @@ def reproduce(
     for experiment, items in chosen:
         missing = [r for r in experiment.recordings if folder is None or not (folder / r).is_dir()]
         if not experiment.repetitions.of(size):
-            left_out.append(f"{PAPERS[experiment.paper].label}, {experiment.title}: takes --full")
+            left_out.append(f"{PAPERS[experiment.paper].short}, {experiment.title}: takes --full")
         elif missing:
             left_out.append(
-                f"{PAPERS[experiment.paper].label}, {experiment.title}: needs the recordings "
+                f"{PAPERS[experiment.paper].short}, {experiment.title}: needs the recordings "
                 f"{', '.join(missing)} (say where: --data, or SCHULER_DATA)"
             )
         else:
@@ -178,7 +178,7 @@ def judge_kept(keep: Path, papers: Sequence[str] = (), *, item: str | None = Non
             done[name] = [arrays for arrays in loaded if arrays is not None]
     there = [(e, items) for e, items in chosen if done.get((e.paper, e.name))]
     left_out = tuple(
-        f"{PAPERS[e.paper].label}, {e.title}: nothing is kept"
+        f"{PAPERS[e.paper].short}, {e.title}: nothing is kept"
         for e, _ in chosen
         if not done.get((e.paper, e.name))
     )
@@ -212,7 +212,7 @@ def _run(
     def tell(key: str, done: int, of: int) -> None:
         if told is not None:
             paper, name, _, seed, _ = key.split(".")
-            told(f"{PAPERS[paper].label} {name}, seed {seed} ({done} of {of})", done / of)
+            told(f"{PAPERS[paper].short} {name}, seed {seed} ({done} of {of})", done / of)
 
     tasks = [task for of in plan.values() for task in of]
     done = run_tasks(tasks, crew, None if keep is None else Kept(keep), tell)

@@ -26,7 +26,7 @@ def test_one_item_in_full_with_json_and_page(call: Call, tmp_path: Path) -> None
     html = page.read_text()
     # the number of the result is the number on the page, with its verdict in words
     assert re.search(r"0\.6235 m", html)
-    assert html.count('class="verdict v-wrong">wrong in the paper') == 3
+    assert html.count('class="verdict v-wrong">wrong in the paper') == 2
     assert "E-003-5" in html
 
 

@@ -51,14 +51,16 @@ def test_two_processes_give_the_same_numbers(tmp_path: Path) -> None:
 
 def test_rows_are_plain_values() -> None:
     done = reproduce(["S003"], item="E-003-5")
-    row = json.loads(json.dumps(done.rows()))[0]
+    white, row, _ = json.loads(json.dumps(done.rows()))
     asked = {"paper", "item", "kind", "printed", "ours", "standard_error", "band", "verdict"}
     assert asked <= set(row)
     assert row["verdict"] == "wrong in the paper"
     assert row["kind"] == "arithmetic"
     assert row["proof"]["holds"]
-    assert row["printed"] == 458.0
-    np.testing.assert_allclose(row["ours"], np.sqrt(5e-9 * 0.005 * 3600.0**3 / 3.0), rtol=1e-12)
+    assert white["printed"] == 458.0
+    assert white["verdict"] == "not met"
+    assert white["proof"] is None
+    np.testing.assert_allclose(white["ours"], np.sqrt(5e-9 * 0.005 * 3600.0**3 / 3.0), rtol=1e-12)
 
 
 def test_what_needs_recordings_is_left_out_and_said_so(

@@ -11,7 +11,7 @@ import numpy as np
 from schuler import PairedStatistics, SensorDenoising, paired_statistics
 from schuler_papers.experiment import FloatArray, Results, Size, stacked
 from schuler_papers.judging import Found, Value
-from schuler_papers.outcome import Band, Curve, Estimate, Panel, Role
+from schuler_papers.outcome import Band, Curve, Digits, Estimate, Panel, Role
 from schuler_papers.quinchia2013.arithmetic import LARGEST, MEAN, OTHERS, TABLE_6
 from schuler_papers.quinchia2013.outages import (
     LONG,
@@ -129,7 +129,7 @@ def _table(results: Results, outages: tuple[int, ...]) -> Found:
     for name in THEIRS:
         for figure, table in (("mean", MEAN), ("max", LARGEST)):
             cells.append(stacked(results, f"{name}:{figure}")[:, list(outages)])
-            printed.append([table[name][k] for k in outages])
+            printed.append([Digits(f"{table[name][k]:.2f}") for k in outages])
     ours = [
         [stacked(results, f"{name}:{figure}")[:, k] for figure in ("max", "mean")]
         for k in outages
@@ -138,7 +138,7 @@ def _table(results: Results, outages: tuple[int, ...]) -> Found:
     more = np.array(ours).reshape(len(outages), len(OURS), 2, -1)
     return Found(
         {"table": np.stack(cells, axis=2), "ours": np.moveaxis(more, -1, 0)},
-        printed={"table": np.transpose(printed).tolist()},
+        printed={"table": [list(line) for line in zip(*printed, strict=True)]},
     )
 
 

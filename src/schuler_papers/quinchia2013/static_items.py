@@ -51,7 +51,9 @@ def caption_of_table_2(results: Results, size: Size) -> Found:
         "printed ones are 370 to 428",
         max(float(six.mean()), soft), 1.0, 150.0, "counter-experiment",
     )  # fmt: skip
-    values = {"seven": np.stack(ratios, axis=1), "six levels": six, "soft": soft}
+    values: dict[str, Value] = {
+        "seven": np.stack(ratios, axis=1), "six levels": six, "soft": soft,
+    }  # fmt: skip
     return Found(values, proofs={"six": proof})
 
 
