@@ -10,9 +10,11 @@ import pytest
 
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.garch.conditional_variance import simulate_garch
+from schuler.estimation.residuals.diagnostics import diagnose_residuals
 from schuler.estimation.residuals.tests import (
     arch_lm_test,
     jarque_bera_test,
+    lagged_products,
     ljung_box_test,
     residual_tests,
     robust_autocorrelation_band,
@@ -152,3 +154,23 @@ def test_bad_input() -> None:
     with pytest.raises(EstimationError, match="squares"):
         arch_lm_test(np.where(rng.random(100) < 0.5, -1.0, 1.0))
     assert residual_tests(np.zeros(200)) is None
+
+
+def test_products_at_all_lags_are_those_taken_one_by_one() -> None:
+    # lengths at the edges of the blocks in which they are summed
+    for size in (60, 2048, 2049, 5000):
+        values = np.random.default_rng(size).standard_normal(size)
+        found = lagged_products(values, 19)
+        for k in range(20):
+            assert found[k] == pytest.approx(
+                float(values[k:] @ values[: size - k]), rel=1e-11, abs=1e-10
+            )
+
+
+def test_quantiles_of_residuals_are_numpys() -> None:
+    values = np.random.default_rng(4).standard_t(4, 3001)
+    found = diagnose_residuals(values)
+    assert found is not None
+    centred = values - values.mean()
+    share = (np.arange(found.quantiles.size) + 0.5) / found.quantiles.size
+    assert found.quantiles == pytest.approx(np.quantile(centred, share) / centred.std(), rel=1e-9)

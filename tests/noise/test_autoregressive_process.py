@@ -10,7 +10,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from schuler.curves.allan import allan_deviation
 from schuler.errors import ModelError
-from schuler.noise import GaussMarkov, WhiteNoise
+from schuler.noise import ARMA, GaussMarkov, WhiteNoise
 from schuler.noise.autoregressive import Autoregressive
 from schuler.noise.innovation import kolmogorov_szego
 from schuler.noise.lattice import levinson, step_down, step_up
@@ -196,3 +196,18 @@ def test_step_down_undoes_step_up_and_levinson_undoes_the_autocovariance() -> No
     again, error = levinson(process.autocovariance(np.arange(6.0)))
     np.testing.assert_allclose(again, gamma, rtol=1e-8)
     assert error[-1] == pytest.approx(0.4, rel=1e-8)
+
+
+def test_autocovariance_dies_away_as_its_slowest_pole_does_and_not_before() -> None:
+    both = (
+        Autoregressive(tuple(np.poly([0.99, 0.3])[1:].tolist()), 2.0, DT),
+        ARMA((0.99 + 0.3, -0.99 * 0.3), (0.4, 0.2, 0.1), 1.0, DT),
+    )
+    for process in both:
+        covariance = process.autocovariance(np.arange(200_000) * DT)
+        lag = np.arange(100, 6500)
+        fading = covariance[100] * 0.99 ** (lag - 100.0)
+        assert covariance[lag] == pytest.approx(fading, rel=1e-9, abs=0.0)
+        # no numbers near the smallest there are, which every sum would pay for
+        rest = np.abs(covariance[covariance != 0.0])
+        assert rest.min() > 1e-40

@@ -134,8 +134,8 @@ class Terms:
         """Draw up the parts that do not change but in size."""
         sizes = tuple(p.size_name() for p in parts)
         known = tuple(
-            shape(p.with_size(1.0)) if p.free == (size,) else None
-            for p, size in zip(parts, sizes, strict=True)
+            shape(p.with_size(1.0)) if [n for j, n in names if j == k] == [size] else None
+            for k, (p, size) in enumerate(zip(parts, sizes, strict=True))
         )
         return cls(tuple(parts), names, shape, known, sizes)
 

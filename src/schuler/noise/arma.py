@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.errors import ModelError
 from schuler.noise._checks import finite, not_negative, positive, positive_array, samples
 from schuler.noise.base import Parameter, Process, StateSpace
+from schuler.noise.lattice import lags_alive
 from schuler.types import FloatArray
 
 _LONGEST_MEMORY = 10_000_000
@@ -184,10 +185,12 @@ class ARMA(Process):
             return np.asarray(np.concatenate([first[:1], np.zeros(max(count - 1, 0))])[:count])
         start = padded * first[0] + np.append(first[1:], 0.0)
         lags = max(len(self.phi), len(self.theta))
-        forward = lfilter(
+        alive = min(lags_alive(self.poles, count - 1) + lags, count - 1)
+        forward = np.zeros(count - 1)
+        forward[:alive] = lfilter(
             np.concatenate([[1.0], np.zeros(lags)]),
             np.concatenate([[1.0], -padded[: len(self.phi)]]),
-            np.zeros(count - 1),
+            np.zeros(alive),
             zi=start[:lags],
         )[0]
         return np.concatenate([first[:1], forward])

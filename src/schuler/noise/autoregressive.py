@@ -12,7 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.errors import ModelError
 from schuler.noise._checks import not_negative, positive, positive_array, samples
 from schuler.noise.base import Parameter, Process, StateSpace
-from schuler.noise.lattice import autocovariance_from_reflection, step_down, step_up
+from schuler.noise.lattice import (
+    autocovariance_from_reflection,
+    lags_alive,
+    step_down,
+    step_up,
+)
 from schuler.types import FloatArray
 
 _WHOLE = 1e-6
@@ -143,8 +148,9 @@ class Autoregressive(Process):
             # R(k) + sum a_i R(k-i) = 0: the filter 1/A running on from the first p values
             past = first[: -self.order - 1 : -1] if self.order else first[:0]
             start = _filter_state(np.array(self.coefficients), past)
-            tail = np.zeros(out.size - self.order - 1)
-            out[self.order + 1 :] = lfilter([1.0], self.polynomial, tail, zi=start)[0]
+            lasting = lags_alive(self.poles, out.size - self.order - 1)
+            tail = lfilter([1.0], self.polynomial, np.zeros(lasting), zi=start)[0]
+            out[self.order + 1 : self.order + 1 + lasting] = tail
         return out[:count]
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:

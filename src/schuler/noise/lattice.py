@@ -6,7 +6,10 @@ those of A(z) = 1 + a_1 z^-1 + ... (spec 0), without the leading one.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
 from schuler.types import FloatArray
 
@@ -67,3 +70,15 @@ def autocovariance_from_reflection(
         if k > 1:
             out[k] -= rows[k - 2, : k - 1] @ out[k - 1 : 0 : -1]
     return out, error
+
+
+def lags_alive(poles: NDArray[np.complex128], most: int) -> int:
+    """How many of so many lags to work out before the slowest pole has died away to 1e-30.
+
+    Products of numbers near the smallest there are take a hundred times as long as others.
+    """
+    slowest = float(np.abs(poles).max(initial=0.0))
+    if slowest >= 1.0:
+        return most
+    lasting = math.log(1e-30) / math.log(max(slowest, 1e-30))
+    return min(most, int(lasting) + 2 * poles.size + 1)

@@ -13,6 +13,7 @@ from schuler.errors import EstimationError, InputError
 from schuler.estimation.products import dot
 from schuler.estimation.residuals.tests import (
     ResidualTests,
+    lagged_products,
     residual_tests,
     robust_autocorrelation_band,
 )
@@ -139,23 +140,30 @@ def diagnose_residuals(
     except (EstimationError, InputError):
         return None
     centred = unit - unit.mean()
-    products = [dot(centred[k:], centred[: unit.size - k]) for k in range(lags + 1)]
+    products = lagged_products(centred, lags)
     share = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
     squares = centred * centred
-    second = products[0] / unit.size
+    second = float(products[0]) / unit.size
     return ResidualDiagnostics(
         samples=values.size,
         variance=mean_square * largest**2 if variance is None else variance,
         expected_variance=expected_variance,
-        correlation=np.array(products[1:]) / products[0],
+        correlation=products[1:] / products[0],
         band=np.full(lags, 1.959964 / math.sqrt(values.size)),
         robust_band=robust,
-        quantiles=np.quantile(centred, share) / math.sqrt(second),
+        quantiles=_quantiles(centred, share) / math.sqrt(second),
         normal_quantiles=np.asarray(ndtri(share)),
         kurtosis=dot(squares, squares) / unit.size / second**2,
         tests=residual_tests(values, fitted_parameters=fitted_parameters),
         block=block,
     )
+
+
+def _quantiles(values: FloatArray, share: FloatArray) -> FloatArray:
+    """Many quantiles of one series: sorted once, `np.quantile` selects anew for every one."""
+    ordered, place = np.sort(values), share * (values.size - 1)
+    below = np.minimum(place.astype(np.int64), values.size - 2)
+    return np.asarray(ordered[below] + (place - below) * (ordered[below + 1] - ordered[below]))
 
 
 def process_residuals(signal: ArrayLike, process: Process, rate: float) -> FloatArray:

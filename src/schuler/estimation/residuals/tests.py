@@ -62,10 +62,13 @@ def _varying(residuals: ArrayLike, lags: int) -> FloatArray:
     return np.asarray(values / scale)
 
 
-def _lagged_products(values: FloatArray, lags: int) -> FloatArray:
+def lagged_products(values: FloatArray, lags: int) -> FloatArray:
     """Sums of v(t) v(t-k), k = 0 .. lags."""
-    n = values.size
-    return np.array([dot(values[k:], values[: n - k]) for k in range(lags + 1)])
+    from schuler.kernels.noise.lagged_products import add_lagged_products
+
+    sums = np.zeros(lags + 1)
+    add_lagged_products(values, sums)
+    return sums
 
 
 def robust_autocorrelation_band(residuals: ArrayLike, lags: int, z: float = 2.0) -> FloatArray:
@@ -106,7 +109,7 @@ def robust_autocorrelation_band(residuals: ArrayLike, lags: int, z: float = 2.0)
 def _robust_variances(values: FloatArray, lags: int) -> FloatArray:
     """N times the variance of the autocorrelations at lags 1 .. lags, no correlation assumed."""
     squares = (values - values.mean()) ** 2
-    products = _lagged_products(squares, lags)[1:]
+    products = lagged_products(squares, lags)[1:]
     counts = values.size - np.arange(1, lags + 1)
     return np.asarray(products / counts / squares.mean() ** 2)
 
@@ -157,7 +160,7 @@ def ljung_box_test(
         raise InputError(
             f"{lags} lags for {fitted_parameters} fitted parameters", expected="more lags"
         )
-    products = _lagged_products(values - values.mean(), lags)
+    products = lagged_products(values - values.mean(), lags)
     if robust:
         variances = _robust_variances(values, lags)
         return _box("Ljung-Box, robust", products, values.size, fitted_parameters, variances)
@@ -216,7 +219,7 @@ def arch_lm_test(residuals: ArrayLike, lags: int = 10) -> HypothesisTest:
     """
     squares = _varying(residuals, lags) ** 2
     squares = squares - squares.mean()
-    return _arch_lm(squares, _lagged_products(squares, lags))
+    return _arch_lm(squares, lagged_products(squares, lags))
 
 
 def _arch_lm(squares: FloatArray, products: FloatArray) -> HypothesisTest:
@@ -311,11 +314,11 @@ def residual_tests(residuals: ArrayLike, *, fitted_parameters: int = 0) -> Resid
         values = _varying(residuals, lags)
         squares = values**2
         # the products of the squares serve three tests, those of the values two
-        products = _lagged_products(values - values.mean(), lags)
+        products = lagged_products(values - values.mean(), lags)
         centred = squares - squares.mean()
         if not dot(centred, centred) > 1e-20 * squares.size:
             return None
-        square_products = _lagged_products(centred, lags)
+        square_products = lagged_products(centred, lags)
         return ResidualTests(
             ljung_box=_box("Ljung-Box", products, values.size, fitted_parameters),
             ljung_box_robust=_box(
