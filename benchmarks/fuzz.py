@@ -173,7 +173,9 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
     files = seeds()
     names = chosen(files, wanted)
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
-    faulthandler.register(signal.SIGXCPU, chain=True)
+    # An alarm costs nothing; a watching thread has to be started and joined for each case.
+    for told in (signal.SIGXCPU, signal.SIGALRM):
+        faulthandler.register(told, chain=True)
     with TemporaryDirectory() as folder, place.open("r+b") as stream:
         at = mmap.mmap(stream.fileno(), 9)
         matlab.decoded_apart = partial(decode_here, at)  # type: ignore[assignment]
@@ -185,7 +187,7 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
             path, rng = case(names[k % len(names)], seed, k, files, Path(folder))
             spent = int(time.process_time() + SECONDS + 1.0)
             resource.setrlimit(resource.RLIMIT_CPU, (spent, resource.RLIM_INFINITY))
-            faulthandler.dump_traceback_later(WAITING, exit=True)
+            signal.setitimer(signal.ITIMER_REAL, WAITING)
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
@@ -194,7 +196,7 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
                 frames = traceback.extract_tb(error.__traceback__)[:-4:-1]
                 where = " < ".join(f"{Path(f.filename).name}:{f.lineno}" for f in frames)
                 print(json.dumps([k, f"{type(error).__name__}: {error}"[:150], where]), flush=True)
-            faulthandler.cancel_dump_traceback_later()
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
             path.unlink()
             if resident() > RESIDENT:
                 print(json.dumps([k, "more than 1 GB", ""]), flush=True)
@@ -259,7 +261,7 @@ def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
 
 def _ended(at: int, tried: bool, code: int, told: str) -> Find:
     """Tell how a child ended."""
-    if "Timeout" in told or code == -signal.SIGXCPU:
+    if -code in (signal.SIGXCPU, signal.SIGALRM):
         return at, f"more than {SECONDS:g} s", told[-300:]
     if code > 0:
         raise RuntimeError(told)  # the worker itself cannot run
