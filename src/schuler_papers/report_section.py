@@ -241,6 +241,7 @@ def _figure(panel: Panel) -> Figure:
         last = len(panel.categories) - 1
         x = axis(panel.x, limits=(-0.5, last + 0.5))
         x |= {"tickvals": list(range(last + 1)), "ticktext": list(panel.categories)}
+        x |= {"ticklabeloverflow": "allow"}  # a narrow page hides the last name else
     y = axis(panel.y, log=panel.log_y, limits=limits(*shown_y, log=panel.log_y))
     if panel.log_y:
         y |= _sparse_decades(*shown_y)
