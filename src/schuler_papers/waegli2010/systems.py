@@ -123,7 +123,7 @@ def figures_1_to_3(results: Results, size: Size) -> Found:
     places = np.arange(float(len(NAMES)))
     error = rms / math.sqrt(2.0 * max(errors.shape[0] * errors.shape[2] - 1, 1))
     panel = Panel(
-        f"Largest error in {OUTAGE:g} s without GNSS, root mean square of {errors[:, 0].size} rides",
+        f"Largest error in {OUTAGE:g} s without GNSS, rms of {errors[:, 0].size} rides",
         "",
         "m",
         (
