@@ -145,6 +145,9 @@ def _loggers() -> Iterator[tuple[str, bytes]]:
     rows = [f"{s},{int(1e9 * t)},{x[0]:.6g},{x[1]:.6g},{x[2]:.6g}" for k, t in enumerate(TIME)
             for s, x in (("ACC", ACCEL[k]), ("GYR", GYRO[k]))]  # fmt: skip
     yield "long.csv", ("sensor,time_ns,x,y,z\n" + "\n".join(rows)).encode()
+    rows = [",".join([f"{t:.2f} s", *(f"{x:.6f} rad/s" for x in w), *(f"{x:.5f}m/s^2" for x in f)])
+            for t, w, f in zip(TIME, GYRO, ACCEL, strict=True)]  # fmt: skip
+    yield "units.csv", ("time,gx,gy,gz,ax,ay,az\n" + "\n".join(rows)).encode()
     fixes = [f"Fix,GPS,{48.1 + k * 1e-5},11.5,520.0,5.0,3.0,{10**12 + 1000 * k},0.5,10.0"
              for k in range(N)]  # fmt: skip
     names = ["LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters", "SpeedMps", "AccuracyMeters",

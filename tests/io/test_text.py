@@ -386,3 +386,43 @@ def test_temperature_in_kelvin_and_incomplete(tmp_path: Path) -> None:
     imu = read_imu(write(tmp_path / "a.csv", values, ",".join((*NAMES, "temp_degC"))))
     assert imu.temperature is None
     assert "temperature left out: it is not complete" in imu.history
+
+
+def cells(time: str, gyro: str, accel: str, mark: str = ",") -> list[str]:
+    """Rows of a resting IMU whose numbers carry their units."""
+    values = [(0.01 * k, 0.2 + 0.01 * (k % 3), 9.8 + 0.01 * (k % 2)) for k in range(100)]
+    return [
+        mark.join([f"{t:.2f}{time}", *3 * [f"{w:.3f}{gyro}"], *3 * [f"{f:.3f}{accel}"]])
+        for t, w, f in values
+    ]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-16"])
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_a_unit_behind_every_number_is_the_unit_of_its_column(
+    tmp_path: Path, mark: str, encoding: str
+) -> None:
+    path = tmp_path / "units.csv"
+    head = mark.join(["time", "gx", "gy", "gz", "ax", "ay", "az"])
+    path.write_text("\n".join([head, *cells(" s", "°/s", " m/s^2", mark)]), encoding=encoding)
+    imu = read_imu(path)
+    assert imu.time[-1] == pytest.approx(0.99)
+    np.testing.assert_allclose(imu.gyro[0], math.radians(0.2))
+    np.testing.assert_allclose(imu.accel[1], 9.81)
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "said"),
+    [(0, "time,gx,gy,gz,ax (g),ay,az", "the header says 'g', the cells say 'm/s"),
+     (7, cells(" s", " rad/s", " m/s^2")[6], r"line 8, column 2"),
+     (9, cells(" s", "", " m/s^2")[8], r"line 10, column 2")],
+)  # fmt: skip
+def test_units_in_cells_that_contradict_are_refused(
+    tmp_path: Path, line: int, text: str, said: str
+) -> None:
+    lines = ["time,gx,gy,gz,ax,ay,az", *cells(" s", " deg/s", " m/s^2")]
+    lines[line] = text
+    path = tmp_path / "mixed.csv"
+    path.write_text("\n".join(lines))
+    with pytest.raises(SchulerError, match=said):
+        read_imu(path)

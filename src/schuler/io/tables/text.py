@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.errors import InputError
+from schuler.io.columns import is_unit, split_unit
 from schuler.io.format import Format, Start, What
 from schuler.io.source import Columns, TextOptions, even_parts
+from schuler.io.tables.cells_with_units import plain_cells
 from schuler.io.tables.content import Content, content_of
 from schuler.io.tables.fields import (
     MISSING,
@@ -27,6 +29,7 @@ from schuler.io.tables.fields import (
 )
 from schuler.io.tables.layout import Layout, find_layout
 from schuler.io.trajectories.table import recording_csv, write_csv
+from schuler.unit_grammar import evaluate
 
 if TYPE_CHECKING:
     import polars
@@ -327,8 +330,10 @@ def _all_null(frame: polars.DataFrame) -> polars.Expr:
 
 def open_text(path: Path, options: TextOptions) -> TextSource:
     """Open a text file: find its layout and check that its end is not cut off."""
-    content = content_of(path)
+    content, in_cells = plain_cells(content_of(path))
     layout = find_layout(content, options)
+    if in_cells:
+        layout = replace(layout, units=_with_cells(layout, in_cells, path))
     left_out = tuple(n for n in content.notes if n.startswith("left out"))
     source = TextSource(content, layout, content.notes, left_out)
     reason = _cut_off(content, layout)
@@ -345,6 +350,23 @@ def open_text(path: Path, options: TextOptions) -> TextSource:
     end = content.whole().rfind(b"\n") + 1
     said = "left out the last line, which was cut off"
     return replace(source, history=(*content.notes, said), assumptions=(*left_out, said), end=end)
+
+
+def _with_cells(layout: Layout, in_cells: dict[int, str], path: Path) -> dict[str, str]:
+    """Return the units of a table with those of its cells, which the header must not contradict."""
+    units = dict(layout.units)
+    for k, unit in in_cells.items():
+        name = layout.names[k]
+        stated = units.get(name) or split_unit(name)[1]
+        if stated and is_unit(stated) and is_unit(unit) and evaluate(stated) != evaluate(unit):
+            raise InputError(
+                f"the header says '{stated}', the cells say '{unit}'",
+                expected="the same unit",
+                cure="correct the header or the cells",
+                where=f"{path}, column '{name}'",
+            )
+        units[name] = unit
+    return units
 
 
 def text_parts(path: Path, what: What, options: ReadOptions, rows: int) -> Iterator[TextSource]:
