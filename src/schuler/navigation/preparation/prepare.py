@@ -19,6 +19,7 @@ from schuler.navigation.error_models.sensor_error_model import (
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.alignment import Alignment, align
+from schuler.navigation.preparation.clock_drift import find_clock_drift
 from schuler.navigation.preparation.constraint_judge import judge_constraints
 from schuler.navigation.preparation.diagnosis import GYROS_IN_DEGREES, turns_too_fast
 from schuler.navigation.preparation.drive_fit import require_fit
@@ -47,6 +48,7 @@ from schuler.noise.noise_model import NoiseModel
 # seconds around the first guess within which a time offset is looked for: where nothing tells it,
 # and where accelerations do
 UNKNOWN_OFFSET, FELT_OFFSET = 1.0, 0.3
+CLOCK_ROUNDS = 2
 ALIGNED_WITHIN = 0.1
 """Change of the offset (s) that needs no other alignment."""
 
@@ -119,7 +121,25 @@ def prepare_drive(
     settings: NavigationSettings,
     progress: Progress | None = None,
 ) -> PreparedDrive:
-    """Align, find time offsets, noise and mounting."""
+    """Align, find time offsets, noise and mounting, and the drift of the clocks."""
+    done = _prepare_once(imu, gnss, noise_model, settings, progress)
+    whole = None
+    for _ in range(CLOCK_ROUNDS if settings.estimates_offset else 0):
+        drift = find_clock_drift(done.imu, done.setup.condition.usable(gnss), done.setup)
+        if drift is None:
+            break
+        whole = drift if whole is None else replace(whole, share=whole.share + drift.share)
+        done = _prepare_once(whole.corrected(imu), gnss, noise_model, settings, progress)
+    return done if whole is None else replace(done, setup=done.setup.telling(whole.finding(imu)))
+
+
+def _prepare_once(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    noise_model: NoiseModel | None,
+    settings: NavigationSettings,
+    progress: Progress | None,
+) -> PreparedDrive:
     say = progress or nobody_listens
     _check_inputs(imu, gnss)
     known = None if settings.estimates_offset else float(np.max(settings.time_offset))

@@ -1,0 +1,87 @@
+"""Clocks of IMU and receiver that run at different speeds, by the innovations of a whole drive.
+
+A quartz of a few cents is off by some ten parts in a million: after half an hour its stamps are
+late by as many hundredths of a second, which a car on its way turns into a metre. One time offset
+for the whole drive leaves a position error along the way that grows from its middle to both ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler.data import GnssRecording, ImuRecording
+from schuler.navigation.innovation_causes import FEWEST, SURE, regression
+from schuler.navigation.innovation_likelihood import slower_imu, thin
+from schuler.navigation.preparation.setup import RunSetup, TimeOffsets
+from schuler.navigation.tuning.likelihood import innovations
+from schuler.screening.screen import Finding
+
+INTERVAL = 2.0
+"""Seconds between fixes that judge: what stamps do adds up over them."""
+STEP = 0.01
+"""Of the offset, s."""
+LEAST_LATE = 0.003
+"""Seconds at the ends of a drive below which stamps are left alone."""
+MOST = 1e-3
+"""Share that no clock is off by."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockDrift:
+    """How much the clock of an IMU loses against that of GNSS.
+
+    Parameters
+    ----------
+    share : float
+        Seconds a second; positive: the stamps of the IMU fall behind.
+    about : float
+        IMU time that stays as it is, s.
+    """
+
+    share: float
+    about: float
+
+    def corrected(self, imu: ImuRecording) -> ImuRecording:
+        """Return a recording on a clock as fast as that of GNSS."""
+        return replace(imu, time=imu.time + self.share * (imu.time - self.about))
+
+    def finding(self, imu: ImuRecording) -> Finding:
+        """Say what was put right."""
+        reach = abs(self.share) * max(self.about - imu.time[0], imu.time[-1] - self.about)
+        slow = "slower" if self.share > 0.0 else "faster"
+        return Finding(
+            "clock drift",
+            "warning",
+            f"the clock of the IMU is {1e6 * abs(self.share):.0f} parts in a million {slow} than "
+            f"that of GNSS: its stamps are put right, by up to {1e3 * reach:.0f} ms at the ends",
+            value=self.share,
+        )
+
+
+def find_clock_drift(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) -> ClockDrift | None:
+    """Return the drift that the innovations of a drive show, where they are sure of one.
+
+    What a time offset does to each innovation is told by a second run with another one; a drift
+    does so in proportion to the time from the middle.
+    """
+    slow, fixes = slower_imu(imu), [thin(gnss, INTERVAL)]
+    if fixes[0].size < FEWEST:
+        return None
+    base = innovations(slow, fixes, setup)
+    known = setup.offsets
+    late = TimeOffsets(known.position + STEP, known.velocity + STEP)
+    effect = (innovations(slow, fixes, replace(setup, offsets=late)).value - base.value) / STEP
+    about = float(0.5 * (gnss.time[0] + gnss.time[-1]))
+    drift = effect * (base.time - about)
+    # what a constant offset does is no drift
+    weight = effect / base.variance
+    drift -= effect * float((weight * drift).sum() / max((weight * effect).sum(), 1e-12))
+    deviation = np.sqrt(base.variance)
+    found = regression(base.value[:, None], deviation[:, None], drift[:, None, None])
+    share = float(found.size[0])
+    reach = abs(share) * float(gnss.time[-1] - about)
+    if found.deviations < SURE or reach < LEAST_LATE or abs(share) > MOST:
+        return None
+    return ClockDrift(share, about)
