@@ -106,7 +106,7 @@ def _lasting_errors(innovations: Innovations, split: bool) -> list[Finding]:
         text += "the receiver smooths its fixes, or claims too much"
         return [Finding("lasting errors", "info", text, value=nis)]
     if split:
-        cure = "check lever arm, time offset and axes"
+        cure = "check lever arm, time offset and axes; --tune-noise where the IMU shakes"
     return [
         Finding(
             "lasting errors",

@@ -181,7 +181,8 @@ def _judged(setup: RunSetup, sd: dict[str, float]) -> RunSetup:
         "errors of GNSS positions are larger than the receiver says: "
         + str(split.to_dict()["gnss_errors"]),
         value=split.white + split.slow,
-        cure="check lever arm, time offset and axes: what is wrong with them looks like errors of "
-        "the receiver; else give its true deviation (--gnss-position-sd)",
+        cure="check lever arm, time offset and axes, and let the noise follow the drive where the "
+        "IMU shakes more than its noise model says (--tune-noise): all of these look like errors "
+        "of the receiver; else give its true deviation (--gnss-position-sd)",
     )
     return setup.telling(finding)
