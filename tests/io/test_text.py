@@ -426,3 +426,10 @@ def test_units_in_cells_that_contradict_are_refused(
     path.write_text("\n".join(lines))
     with pytest.raises(SchulerError, match=said):
         read_imu(path)
+
+
+def test_names_of_mavlink_behind_the_field_of_a_topic(tmp_path: Path) -> None:
+    names = [f"field.{a}{s}" for s in ("gyro", "acc") for a in "xyz"]
+    path = tmp_path / "highres.csv"
+    path.write_text("\n".join([",".join(["time", *names]), *cells("", "e-2", "")]))
+    np.testing.assert_allclose(read_imu(path).accel[0], 9.8)

@@ -328,7 +328,11 @@ def unused_rates(
 
 def _short(text: str) -> str:
     """Drop words that makers put before or behind the sensor: 'imugyrox', 'gyroxraw'."""
-    text = re.sub(r"^(?:field|imu|sensor|body|raw|data)+(?=(?:gyr|acc|ang|lin|omega))", "", text)
+    text = re.sub(
+        r"^(?:field|imu|sensor|body|raw|data)+(?=(?:gyr|acc|ang|lin|omega|[xyz](?:gyr|acc)))",
+        "",
+        text,
+    )
     return re.sub(r"(?<=[xyz])(?:raw|uncal|calibrated|cal)$", "", text)
 
 

@@ -88,8 +88,12 @@ def _read(
             raise
         try:
             return "gnss", load_gnss(file, how.of("gnss"))
-        except InputError:
-            raise error from None
+        except InputError as other:
+            # the one that found its columns knows what is wrong with the file
+            missing = "no column for"
+            raise (
+                other if missing in str(error) and missing not in str(other) else error
+            ) from None
 
 
 def _summary(kind: str, title: str, recording: ImuRecording | GnssRecording) -> dict[str, Any]:
