@@ -30,7 +30,8 @@ from schuler.noise import Process
 _POINTS_PER_DECADE = 5.0
 _LONGEST_FRACTION = 3
 _SHORTEST_RECORD = 100
-_BAND_EDGES = (10, 50)
+_BAND_EDGES = (10, 30, 100, 300)
+_AT_THE_EDGE = 3.0
 _HOPELESS = 0.03
 _FEWEST_POINTS = 12
 
@@ -98,20 +99,37 @@ def _start(model: str | Process, points: CurvePoints) -> tuple[Process, ...] | N
 def _fit(
     points: CurvePoints, parts: tuple[Process, ...] | None
 ) -> tuple[CurvePoints, StructureFit, Scatter, dict[str, float]]:
-    """Fit; where that fails, leave out the fastest points, then grant a discrepancy."""
+    """Fit; where that fails, leave out the fastest points, then grant a discrepancy.
+
+    What a filter in the sensor takes from a cluster falls with its length: at the first edge at
+    which nothing of it is seen it may still be as large as the errors, at the next one it is not.
+    """
     edges = [1, *(e for e in _BAND_EDGES if points.slower_than(e).tau.size >= _FEWEST_POINTS)]
-    whole = points
+    first: tuple[CurvePoints, StructureFit, Scatter, dict[str, float]] | None = None
+    good = None
     for edge in edges:
-        points = whole.slower_than(edge)
-        may_retreat = edge == 1 and edge != edges[-1]
-        scatter, granted = _probe(points, parts)
-        if may_retreat and granted > _HOPELESS:
+        slow = points.slower_than(edge)
+        may_retreat = edge == 1 and len(edges) > 1
+        scatter, granted = _probe(slow, parts)
+        if granted > (_HOPELESS if may_retreat else 0.0) and (may_retreat or first is not None):
             continue
         granted = 0.0 if may_retreat else granted
-        fit, scatter, candidates = _settle(points, parts, scatter.with_discrepancy(granted))
-        if not (may_retreat and scatter.discrepancy > 0.0):
-            break
-    return points, fit, scatter, candidates
+        fit, scatter, candidates = _settle(slow, parts, scatter.with_discrepancy(granted))
+        found = slow, fit, scatter, candidates
+        if scatter.discrepancy == 0.0 and (edge == 1 or not _at_the_edge(fit, slow)):
+            if edge == 1 or good is not None:
+                return found
+            good = found
+        first = found if first is None and not may_retreat else first
+    done = good or first
+    assert done is not None
+    return done
+
+
+def _at_the_edge(fit: StructureFit, points: CurvePoints) -> bool:
+    """Whether a correlated noise only makes good what a low-pass filter does to short clusters."""
+    times = (getattr(p, "correlation_time", np.inf) for p in fit.process.parts)
+    return any(time < _AT_THE_EDGE * points.tau[0] for time in times)
 
 
 def _probe(points: CurvePoints, parts: tuple[Process, ...] | None) -> tuple[Scatter, float]:
