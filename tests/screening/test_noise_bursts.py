@@ -1,8 +1,11 @@
 """A channel that becomes noisy alone is named; shaking, knocks and sound sensors are not."""
 
-import numpy as np
+from dataclasses import replace
 
-from schuler import NoiseModel, WhiteNoise, screen, simulate_static
+import numpy as np
+import pytest
+
+from schuler import NoiseModel, WhiteNoise, characterize_imu, screen, simulate_static
 from schuler.simulation.faults import NoiseBurst, inject_faults
 
 NOISE = NoiseModel.isotropic(WhiteNoise(5e-5), WhiteNoise(7e-4))
@@ -33,3 +36,28 @@ def test_shaking_of_all_axes_is_no_burst():
 def test_a_knock_of_one_axis_and_usual_noise_are_no_burst():
     assert _kinds() == []
     assert _kinds(NoiseBurst(start=60.2, duration=1.0, channels=("gyro_z",), deviation=0.1)) == []
+
+
+def test_noise_that_changes_for_good_is_told_with_the_time() -> None:
+    imu = simulate_static(NOISE, 400.0, 100.0, np.random.default_rng(8))
+    assert not screen(imu).of_kind("noise level")
+    gyro = imu.gyro.copy()
+    gyro[25_000:, :2] *= 3.0
+    found = screen(replace(imu, gyro=gyro))
+    (told,) = found.of_kind("noise level")
+    assert told.channels == ("gyro_x", "gyro_y")
+    assert told.value == pytest.approx(3.0, rel=0.1)
+    assert told.intervals[0][0] == pytest.approx(250.0, abs=20.0)
+    assert not found.of_kind("heavy tails")
+
+
+def test_noise_below_the_steps_is_not_known_and_said() -> None:
+    imu = simulate_static(NOISE, 400.0, 100.0, np.random.default_rng(9))
+    step = 8.0 * float(imu.gyro.std())
+    gyro = np.round((imu.gyro + 0.3 * step) / step) * step
+    gyro[::997] += step  # as a rare sample does
+    found = characterize_imu(replace(imu, gyro=gyro), "W")
+    (text,) = [t for t in found.findings if "hidden by them" in t]
+    assert text.startswith("gyro_x, gyro_y, gyro_z")
+    assert "not known" in text
+    assert not [t for t in found.findings if "hidden" in t and "accel" in t]

@@ -25,6 +25,8 @@ from schuler.units import format_value
 _GRID_SAMPLES = 20_000
 _NOTABLE_DISCREPANCY = 0.02
 _NOTABLE_ROUNDING = 0.005
+# of the power, from which noise is too small to be seen through the steps: sd of 0.4 steps
+_HIDDEN = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +146,10 @@ def findings_of(
     imu: ImuRecording, channels: Mapping[str, Identification], duration: float
 ) -> list[str]:
     """Say what is worth knowing; of a long record, `imu` is the first piece."""
-    lines = [*_flags(channels), _record_length(duration, channels)]
+    hidden, lines = _rounding(imu, channels)
+    told = {c: found for c, found in channels.items() if c not in hidden}
+    lines = [*lines, *_flags(channels)]
+    lines += [_record_length(duration, told)] if told else []
     lines += [text for c, found in channels.items() if (text := _crossing(c, found))]
     lines += [text for c, found in channels.items() if (text := _undecided(c, found))]
     lines += _not_seen(channels)
@@ -171,7 +176,6 @@ def findings_of(
             f"{_join(drifting)}: a steady drift was found, as a sensor shows that warms up: log "
             f"its temperature beside it, or let it run for an hour first"
         )
-    lines += _rounding(imu, channels)
     return lines
 
 
@@ -283,9 +287,13 @@ def _not_seen(channels: Mapping[str, Identification]) -> list[str]:
 
 def grid_step(values: FloatArray) -> float | None:
     """Return the step of the grid on which all values lie, None if there is none."""
+    least = 1e-9 * max(float(np.abs(values[:_GRID_SAMPLES]).max()), 1e-300)
     jumps = np.abs(np.diff(values[:_GRID_SAMPLES]))
-    jumps = jumps[jumps > 1e-9 * max(float(np.abs(values[:_GRID_SAMPLES]).max()), 1e-300)]
-    if jumps.size < 10:
+    jumps = jumps[jumps > least]
+    if jumps.size < 10:  # hardly ever a step: a coarse grid
+        jumps = np.abs(np.diff(values))
+        jumps = jumps[jumps > least]
+    if not jumps.size:
         return None
     # the smallest jump, then the mean of all that are this jump, against rounding in the file
     step = float(np.mean(jumps[jumps < 1.5 * jumps.min()]))
@@ -296,23 +304,37 @@ def grid_step(values: FloatArray) -> float | None:
     return step
 
 
-def _rounding(imu: ImuRecording, channels: Mapping[str, Identification]) -> list[str]:
+def _rounding(
+    imu: ImuRecording, channels: Mapping[str, Identification]
+) -> tuple[set[str], list[str]]:
+    """Return the channels whose noise is hidden by rounding, and what is to be said of grids."""
+    hidden: set[str] = set()
     lines = []
     for sensor, kind in (("gyro", "angular rate"), ("accel", "acceleration")):
+        shares: dict[str, float] = {}
         steps: dict[str, float] = {}
-        share = 0.0
         for channel, found in channels.items():
             step = grid_step(imu.channel(channel)) if channel.startswith(sensor) else None
             white = found.parameters.get("white_noise.density", 0.0)
             if step is None or white <= 0.0:
                 continue
-            part = step**2 / 12.0 / imu.rate / white**2
-            if part > _NOTABLE_ROUNDING:
-                steps[channel], share = step, max(share, part)
-        if steps:
+            share = step**2 / 12.0 / imu.rate / white**2
+            if share > _NOTABLE_ROUNDING:
+                steps[channel], shares[channel] = step, share
+        below = [c for c, share in shares.items() if share > _HIDDEN]
+        if below:
+            hidden |= set(below)
+            grid = format_value(max(steps[c] for c in below), kind, digits=3)
             lines.append(
-                f"{_join(steps)}: values lie on a grid of "
-                f"{format_value(max(steps.values()), kind, digits=3)}; rounding makes up to "
-                f"{100.0 * share:.1f} % of the white noise power"
+                f"{_join(below)}: the noise is smaller than the steps of {grid} and hidden by "
+                "them: N and all else above are those of the rounding, those of the sensor are not "
+                "known; set a finer range"
             )
-    return lines
+        seen = {c: share for c, share in shares.items() if c not in hidden}
+        if seen:
+            lines.append(
+                f"{_join(seen)}: values lie on a grid of "
+                f"{format_value(max(steps[c] for c in seen), kind, digits=3)}; rounding makes up "
+                f"to {100.0 * max(seen.values()):.1f} % of the white noise power"
+            )
+    return hidden, lines

@@ -1,4 +1,4 @@
-"""Screening of channels whose noise rises for a while, with no motion that explains it."""
+"""Screening of channels whose noise rises, for a while or for good, with no motion behind it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,10 @@ LOUDER = 8.0
 _WHITE = 2.0
 """Ratio of the squares of second and first differences: 3 in white noise, 0 in smooth motion."""
 _FOR_GRID = 20_000
+BLOCKS = 20
+"""Parts of a recording whose levels of noise are compared."""
+CHANGED = 1.3
+"""Ratio of the levels before and after at which the noise is another one."""
 
 
 def findings_on_bursts(imu: ImuRecording) -> tuple[Finding, ...]:
@@ -42,6 +46,48 @@ def findings_on_bursts(imu: ImuRecording) -> tuple[Finding, ...]:
             most = max(float(louder[r, k].max()) for r in runs)
             found.append(_finding(imu, name, runs, window, most))
     return tuple(found)
+
+
+def findings_on_levels(imu: ImuRecording) -> tuple[Finding, ...]:
+    """Say where the noise of a sensor at rest becomes another one and stays so."""
+    window = round(_WINDOW * imu.rate)
+    count = imu.size // max(window, 1) // BLOCKS * BLOCKS
+    if window < _FEWEST or count < 3 * BLOCKS:
+        return ()
+    changes: dict[float, dict[str, float]] = {}
+    for name in imu.channels:
+        louder, _ = _levels(imu.channel(name)[: count * window], window)
+        level = np.log(np.maximum(np.median(louder.reshape(BLOCKS, -1), axis=1), 1e-6))
+        change = _step(level)
+        if change is not None:
+            at, rise = change
+            when = float(imu.time[at * count // BLOCKS * window])
+            changes.setdefault(when, {})[name] = float(np.exp(rise))
+    return tuple(
+        Finding(
+            "noise level",
+            "warning",
+            f"{', '.join(ratios)}: from about {when:.0f} s on the noise is "
+            f"{float(np.median([*ratios.values()])):.2g} times what it was: no one model describes "
+            "both parts",
+            tuple(ratios),
+            ((when, float(imu.time[-1])),),
+            float(np.median([*ratios.values()])),
+            cure="another range, rate or filter, or another sensor? characterize each part alone",
+        )
+        for when, ratios in changes.items()
+    )
+
+
+def _step(level: FloatArray) -> tuple[int, float] | None:
+    """Return where levels rise or fall once and for all, and by how much."""
+    ends = range(2, level.size - 1)
+    rises = [float(np.median(level[k:]) - np.median(level[:k])) for k in ends]
+    spreads = [float(max(np.ptp(level[:k]), np.ptp(level[k:]))) for k in ends]
+    best = int(np.argmin(spreads))
+    if abs(rises[best]) < np.log(CHANGED) or spreads[best] > 0.5 * abs(rises[best]):
+        return None
+    return best + 2, rises[best]
 
 
 def _levels(signal: FloatArray, window: int) -> tuple[FloatArray, FloatArray]:

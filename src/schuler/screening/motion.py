@@ -123,7 +123,7 @@ def look_for_knocks(
         if tail > _HEAVY and _spread_evenly(deviation > _KNOCK * scale, block):
             text = (
                 f"{name} has heavy tails: {100 * tail:.1f} % of the samples are beyond 4 robust "
-                f"standard deviations ({scale:.3g} SI), evenly in time; use a robust estimate"
+                f"standard deviations ({scale:.3g} SI), in many parts of it; use a robust estimate"
             )
             findings.append(Finding("heavy tails", "warning", text, (name,), value=tail))
             dense = _too_dense(deviation > _KNOCK * scale, max(round(_PAD * rate), 2))

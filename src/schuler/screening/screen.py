@@ -141,9 +141,10 @@ def screen(imu: ImuRecording) -> Screening:
     Returns
     -------
     Screening
-        Rate, jitter, gaps, repeated rows, stuck axes, bursts of noise in one axis, saturation,
-        knocks and outliers (of static recordings, where motion cannot be the cause), units
-        suspected to be wrong, the gravity axis, the steps of quantisation, and times of rest.
+        Rate, jitter, gaps, repeated rows, stuck axes, bursts of noise in one axis, noise that
+        changes for good, saturation, knocks and outliers (of static recordings, where motion
+        cannot be the cause), units suspected to be wrong, the gravity axis, the steps of
+        quantisation, and times of rest.
 
     Notes
     -----
@@ -171,6 +172,7 @@ def screen(imu: ImuRecording) -> Screening:
         *values.stuck_axes(imu),
         *stuck.findings_on_stuck(imu, stuck.stuck_intervals(imu)),
         *bursts.findings_on_bursts(imu),
+        *(bursts.findings_on_levels(imu) if still.static else ()),
         *values.saturation(imu),
         *disturbances,
         *values.suspected_units(imu, still),
@@ -178,6 +180,9 @@ def screen(imu: ImuRecording) -> Screening:
         *values.grids(imu),
         *still.findings,
     ]
+    # heavy tails of a channel whose noise changes are that change
+    changed = {c for f in findings if f.kind == "noise level" for c in f.channels}
+    findings = [f for f in findings if f.kind != "heavy tails" or not changed & set(f.channels)]
     order = {"error": 0, "warning": 1, "info": 2}
     return Screening(
         name=imu.name,

@@ -253,9 +253,14 @@ def show_characterization(
 ) -> None:
     """Print the noise model and what to think of it."""
     moved = not screening.static and screening.duration > SHORTEST
-    warning = _moved(screening) if moved else _handled(screening)
+    changed = "; ".join(f.message for f in screening.of_kind("noise level"))
+    warning = _moved(screening) if moved else _handled(screening) or changed
     _show_noise(screen, result, "" if repaired and not moved else warning)
-    serious = [(f.severity, f.message) for f in screening.findings if f.severity != "info"]
+    serious = [
+        (f.severity, f.message)
+        for f in screening.findings
+        if f.severity != "info" and (f.kind != "noise level" or warning != changed)
+    ]
     screen.findings(serious, most=MOST_FINDINGS)
     if screening.disturbed and not repaired:
         screen.line("--repair cuts out knocks and outliers before the fit.", "dim")
