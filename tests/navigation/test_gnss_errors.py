@@ -198,6 +198,8 @@ def test_innovations_name_an_arm_that_errors_are_not_allowed_to_hide() -> None:
         gnss = simulate_receiver(profile, RTK_FIXED, rng=rng, lever_arm=(x, 0.0, 0.0))
         solution = schuler.navigate(imu, gnss, NOISE, time_offset=0.0, measurements=white)
         assert ("lever arm" in kinds(solution)) is told
+        # what contradicts the arm is claimed
+        assert (np.linalg.norm(solution.position_sd[-1]) > 1.5) == told
         assert "gyro scale" not in kinds(solution)
 
 

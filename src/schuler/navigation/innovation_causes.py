@@ -83,7 +83,8 @@ def causes(
                 "lever arm",
                 "warning",
                 f"innovations of GNSS positions turn with the vehicle ({arm.deviations:.0f} "
-                f"standard errors), as if the antenna were {size:.2f} m elsewhere",
+                f"standard errors), as if the antenna were {size:.2f} m elsewhere: positions are "
+                "claimed to no better than that",
                 value=size,
                 cure="let the drive find it (--lever-arm estimate), or measure it",
             )

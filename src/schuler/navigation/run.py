@@ -148,6 +148,9 @@ def run(
         lagged = smoothed_solution(back, {"smoothing": "fixed lag", "lag_s": lag})
         lagged = missing[0].added(lagged) if missing is not None else lagged
     arm = setup.arm_covariance
+    if arm is None and (off := [f.value for f in seen if f.kind == "lever arm" and f.value]):
+        # who told the arm keeps it, but not the claim that it is right
+        arm = np.eye(3) * off[0] ** 2 / 3.0
     causal = with_arm_uncertainty(causal, arm)
     smoothed = smoothed and with_arm_uncertainty(smoothed, arm)
     lagged = lagged and with_arm_uncertainty(lagged, arm)
