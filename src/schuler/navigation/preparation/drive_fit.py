@@ -77,21 +77,13 @@ def require_fit(
     if later is not None:
         begun = replace(setup.telling(later.finding), alignment=later.alignment)
         return imu.between(later.moment, np.inf), begun
-    # a start that leaves twice what the whole drive may leave is not worth a longer look
-    hopeless = max(1.0, 2.0 * CLEARLY * here.misfit)
-    slip = find_slip(
+    _require_no_slip(
+        imu.name,
         first,
         here,
-        lambda other: tried(other, align_one(other, offset, True, hopeless), ()),
+        lambda other, worst: tried(other, align_one(other, offset, True, worst), ()),
         lambda: tried(first, setup.alignment, (), poor_gyros(setup.model)),
     )
-    if slip is not None:
-        raise NavigationError(
-            f"the IMU did not feel what GNSS saw; it would have if {slip.name}",
-            expected="right-handed axes, rates in rad/s and specific force in m/s^2",
-            cure=slip.cure,
-            where=imu.name,
-        )
     if trial.misfit < BAD:
         return imu, setup
     finding = Finding(
@@ -103,3 +95,23 @@ def require_fit(
         cure="check time offset, lever arm, axes and units",
     )
     return imu, setup.telling(finding)
+
+
+def _require_no_slip(
+    name: str,
+    first: ImuRecording,
+    here: Trial,
+    again: Callable[[ImuRecording, float], Trial],
+    poor: Callable[[], Trial],
+) -> None:
+    """Stop where the usual slip of axes or units explains the drive; `again` takes a worst fit."""
+    # a start that leaves twice what the whole drive may leave is not worth a longer look
+    hopeless = max(1.0, 2.0 * CLEARLY * here.misfit)
+    slip = find_slip(first, here, lambda other: again(other, hopeless), poor)
+    if slip is not None:
+        raise NavigationError(
+            f"the IMU did not feel what GNSS saw; it would have if {slip.name}",
+            expected="right-handed axes, rates in rad/s and specific force in m/s^2",
+            cure=slip.cure,
+            where=name,
+        )
