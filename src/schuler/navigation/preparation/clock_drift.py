@@ -72,14 +72,17 @@ def find_clock_drift(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) ->
     base = innovations(slow, fixes, setup)
     known = setup.offsets
     late = TimeOffsets(known.position + STEP, known.velocity + STEP)
-    effect = (innovations(slow, fixes, replace(setup, offsets=late)).value - base.value) / STEP
+    moved = innovations(slow, fixes, replace(setup, offsets=late))
+    # a fix near a break may be met by one of them only
+    _, one, other = np.intersect1d(base.key, moved.key, return_indices=True)
+    value, variance, time = base.value[one], base.variance[one], base.time[one]
+    effect = (moved.value[other] - value) / STEP
     about = float(0.5 * (gnss.time[0] + gnss.time[-1]))
-    drift = effect * (base.time - about)
+    drift = effect * (time - about)
     # what a constant offset does is no drift
-    weight = effect / base.variance
+    weight = effect / variance
     drift -= effect * float((weight * drift).sum() / max((weight * effect).sum(), 1e-12))
-    deviation = np.sqrt(base.variance)
-    found = regression(base.value[:, None], deviation[:, None], drift[:, None, None])
+    found = regression(value[:, None], np.sqrt(variance)[:, None], drift[:, None, None])
     share = float(found.size[0])
     reach = abs(share) * float(gnss.time[-1] - about)
     if found.deviations < SURE or reach < LEAST_LATE or abs(share) > MOST:

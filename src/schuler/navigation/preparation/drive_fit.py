@@ -86,15 +86,7 @@ def require_fit(
     )
     if trial.misfit < BAD:
         return imu, setup
-    finding = Finding(
-        "disagreement",
-        "warning",
-        "IMU and GNSS do not fit each other, even with forgiving noise (innovations "
-        f"{np.sqrt(trial.misfit):.1f} times what they should be)",
-        value=trial.misfit,
-        cure="check time offset, lever arm, axes and units",
-    )
-    return imu, setup.telling(finding)
+    return imu, setup.telling(_disagreement(trial.misfit))
 
 
 def _require_no_slip(
@@ -115,3 +107,14 @@ def _require_no_slip(
             cure=slip.cure,
             where=name,
         )
+
+
+def _disagreement(misfit: float) -> Finding:
+    return Finding(
+        "disagreement",
+        "warning",
+        "IMU and GNSS do not fit each other, even with forgiving noise (innovations "
+        f"{np.sqrt(misfit):.1f} times what they should be)",
+        value=misfit,
+        cure="check time offset, lever arm, axes and units",
+    )
