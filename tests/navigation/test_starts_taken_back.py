@@ -9,7 +9,7 @@ import numpy as np
 import schuler
 from schuler.earth import metres_per_radian
 from schuler.rotations import dcm_from_euler
-from schuler.simulation import car_urban, ideal_imu, simulate_imu
+from schuler.simulation import car_urban, drone, ideal_imu, simulate_imu
 from schuler.simulation.receivers import RTK_FIXED, simulate_receiver
 
 NOISE = schuler.NoiseModel(
@@ -48,3 +48,21 @@ def test_first_fixes_that_show_another_motion_do_not_turn_the_whole_drive() -> N
         assert (path.time[0] > begin) and (path.time[0] < begin + 30.0)
         assert len(told) == (1 if until else 0)
         assert all("contradicts the heading" in text for text in told)
+
+
+def test_a_heading_that_too_little_motion_told_is_turned_by_what_the_drive_tells() -> None:
+    """A drone that hovers, a fix every 5 s: the heading was 60 deg off and claimed to 5."""
+    profile = drone(300.0, 65005, standstill=20.0)
+    rng = np.random.default_rng([11, 65005])
+    imu = simulate_imu(ideal_imu(profile, 50.0), NOISE, rng)
+    gnss = simulate_receiver(profile, RTK_FIXED, 0.2, rng=rng)
+    solution = schuler.navigate(imu, gnss, NOISE)
+    assert any("first motion" in f["message"] for f in solution.settings["findings"])
+    path = solution.trajectory
+    late = path.time > 150.0
+    true = profile.trajectory(path.time[late])
+    north, east = metres_per_radian(true.position)
+    off = (path.position[late] - true.position)[:, :2] * np.stack([north, east], axis=1)
+    square = (off / solution.position_sd[late, :2]) ** 2
+    assert square.mean() < 3.0
+    assert np.abs(off).max() < 1.0

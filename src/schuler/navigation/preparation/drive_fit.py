@@ -22,7 +22,7 @@ from schuler.navigation.preparation.diagnosis import (
     poor_gyros,
     try_drive,
 )
-from schuler.navigation.preparation.later_start import later_start
+from schuler.navigation.preparation.later_start import later_start, turned_start
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.screening.screen import Finding
 
@@ -77,6 +77,10 @@ def require_fit(
     if later is not None:
         begun = replace(setup.telling(later.finding), alignment=later.alignment)
         return imu.between(later.moment, np.inf), begun
+    if setup.settings.heading is None:
+        turned = turned_start(setup.alignment, here, lambda other: tried(first, other, ()))
+        if turned is not None:
+            return imu, replace(setup.telling(turned[1]), alignment=turned[0])
     _require_no_slip(
         imu.name,
         first,

@@ -9,7 +9,7 @@ drive fits GNSS from there on, it begins there, and it is said.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from schuler.navigation.preparation.alignment import Alignment
 from schuler.navigation.preparation.diagnosis import CLEARLY, DOUBTFUL, Trial
 from schuler.navigation.preparation.moving_start import attitude_history, really_moves
 from schuler.navigation.preparation.setup import RunSetup
+from schuler.rotations import dcm_from_euler
 from schuler.screening.screen import Finding
 
 LATER = (40.0, 120.0)
@@ -28,6 +29,9 @@ LEFT = 60.0
 ANOTHER = np.radians(15.0)
 """Difference of headings beyond which a start is another one, and in standard deviations."""
 DEVIATIONS = 4.0
+CONVINCING = 60.0
+"""Gain of log-likelihood of the whole drive at which its heading is believed."""
+TURNED_SD = np.radians(10.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,3 +93,35 @@ def _contradiction(
     drift = (start.gyro_bias_sd or 0.0) * before.duration
     sd = float(np.sqrt(start.heading_sd**2 + other.heading_sd**2 + drift**2))
     return float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])), sd
+
+
+def turned_start(
+    alignment: Alignment, found: Trial, tried: Callable[[Alignment], Trial]
+) -> tuple[Alignment, Finding] | None:
+    """Return the start with the heading that the whole drive tells, where it is another one.
+
+    The motion that tells a heading first may be too short for it, with fixes seconds apart.
+    """
+
+    def turned(angle: float) -> Alignment:
+        rotation = dcm_from_euler(0.0, 0.0, angle) @ alignment.rotation
+        return replace(alignment, rotation=rotation)
+
+    coarse = np.radians(np.arange(30.0, 360.0, 30.0))
+    best = max(coarse.tolist(), key=lambda a: tried(turned(a)).log_likelihood)
+    fine = best + np.radians(np.arange(-15.0, 16.0, 5.0))
+    best = max(fine.tolist(), key=lambda a: tried(turned(a)).log_likelihood)
+    trial = tried(turned(best))
+    gain = trial.log_likelihood - found.log_likelihood
+    if trial.misfit > DOUBTFUL or trial.misfit > CLEARLY * found.misfit or gain < CONVINCING:
+        return None
+    angle = float(np.degrees(np.arctan2(np.sin(best), np.cos(best))))
+    finding = Finding(
+        "start",
+        "warning",
+        f"the heading that the first motion told is off by {abs(angle):.0f} deg, as the rest of "
+        "the drive tells: turned by as much",
+        value=angle,
+        cure="give the heading with --heading if you know it",
+    )
+    return replace(turned(best), heading_sd=TURNED_SD, method="by the whole drive"), finding
