@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from schuler import read_gnss, read_imu, units
-from schuler.errors import InputError
+from schuler.cli.verbs.read import read
+from schuler.errors import InputError, UnitError
 
 TABLE = "time_s,gx,gy,gz,ax,ay,az\n" + "".join(f"{k / 100},0.1,0.2,0.3,0,0,9.8\n" for k in range(9))
 
@@ -126,3 +127,111 @@ def test_gravity_and_acceleration_without_it_are_not_dropped_in_silence(tmp_path
     with pytest.raises(InputError, match="two parts"):
         read_imu(path)
     assert read_imu(path, columns={"accel_x": None}).size == 9
+
+
+STAMPED = "".join(f"[12:34:{56 + k / 100:06.3f}] 0.1, 0.2, 0.3, 0.1, 0.2, 9.8\n" for k in range(9))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{NAMES}\n{STAMPED}",
+        f"12:34:55.000 -> {NAMES}\n" + STAMPED.replace("[", "").replace("]", " ->"),
+    ],
+)
+def test_the_stamps_of_a_terminal_are_the_time(tmp_path: Path, text: str) -> None:
+    assert np.allclose(_recorded(tmp_path, text.encode()), np.degrees((0.1, 0.2, 0.3)))
+
+
+def test_units_between_blanks(tmp_path: Path) -> None:
+    row = "0.1 deg/s 0.2 deg/s 0.3 deg/s 0.1 m/s^2 0.2 m/s^2 9.8 m/s^2\n"
+    text = "t gx gy gz ax ay az\n" + "".join(f"{k / 100} s {row}" for k in range(9))
+    assert np.allclose(_recorded(tmp_path, text.encode()), (0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("day", [739000.5, 45000.25])
+def test_days_of_matlab_and_excel(tmp_path: Path, day: float) -> None:
+    rows = [x.split(",", 1)[1] for x in SI.splitlines()]
+    table = f"time,{rows[0]}\n"
+    table += "".join(f"{day + k / 8640000:.10f},{r}\n" for k, r in enumerate(rows[1:]))
+    path = tmp_path / "days.csv"
+    path.write_text(table)
+    imu = read_imu(path)
+    assert imu.time[0] == pytest.approx((day - (719529 if day > 1e5 else 25569)) * 86400)
+    assert np.allclose(np.diff(imu.time), 0.01, atol=2e-5)
+    assert any("taken as days" in line for line in imu.assumptions)
+
+
+@pytest.mark.parametrize("form", ["{:#06x}", "{:04X}"])
+def test_hexadecimal_is_named(tmp_path: Path, form: str) -> None:
+    path = tmp_path / "hex.csv"
+    row = ",".join(form.format(v) for v in (0xFFF0, 0xFFE6, 0xFC, 0xA, 0xFFFF, 0x7FE))
+    path.write_text("t_ms,gx,gy,gz,ax,ay,az\n" + "".join(f"{10 * k},{row}\n" for k in range(9)))
+    with pytest.raises(InputError, match="hexadecimal"):
+        read_imu(path)
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude"),
+    [("48.1 S", "11.5W"), ("4806.0 S", "01130.0 W"), ("48 6' S", "11 30' W"),
+     ("48°06′00″S", "11°30′00″W")],
+)  # fmt: skip
+def test_hemispheres_in_cells(tmp_path: Path, latitude: str, longitude: str) -> None:
+    path = tmp_path / "gnss.csv"
+    rows = [f"{k},{latitude},{longitude},{520 + k}" for k in range(9)]
+    path.write_text("\n".join(["time_s,latitude,longitude,height_m", *rows]), encoding="utf-8")
+    found = read_gnss(path)
+    assert np.degrees(found.position[0, :2]) == pytest.approx((-48.1, -11.5), abs=1e-9)
+
+
+def test_names_of_flight_controllers_and_phones(tmp_path: Path) -> None:
+    names = "time (us),gyroADC[0],gyroADC[1],gyroADC[2],accSmooth[0],accSmooth[1],accSmooth[2]"
+    rows = "".join(f"{10000 * k},1,-2,{k % 2},10,20,2050\n" for k in range(90))
+    path = tmp_path / "box.csv"
+    path.write_text(f"{names}\n{rows}")
+    with pytest.raises(InputError, match="perhaps 2048 LSB per g"):
+        read_imu(path)
+    days = [f"2024-05-01 12:34:{56 + k / 100:06.3f} +0200" for k in range(3)]
+    text = SI.replace("time_s", "loggingTime(txt)")
+    for k, day in enumerate(days):
+        text = text.replace(f"\n{k / 100},", f"\n{day},")
+    path.write_text("".join(text.splitlines(keepends=True)[:4]))
+    assert np.allclose(np.diff(read_imu(path).time), 0.01, atol=1e-6)
+
+
+def test_a_voltage_names_its_column(tmp_path: Path) -> None:
+    path = tmp_path / "mv.csv"
+    path.write_text(SI.replace(",0.1,0.2,0.3", ",0.1 mV,0.2,0.3"))
+    with pytest.raises(UnitError, match="gyro_x_rad_s"):
+        read_imu(path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "said"),
+    [("g", 9.8, "g twice"), ("m_s2", 0.0098, "times less than gravity"), ("m_s2", 0.0, "removed"),
+     ("m_s2", 9.8, "")],
+)  # fmt: skip
+def test_read_tells_a_stated_unit_that_cannot_be(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, value: float, said: str
+) -> None:
+    noise = np.random.default_rng(4).normal(0.0, 0.01 * max(value, 0.5), (400, 3))
+    names = NAMES.replace("m_s2", unit)
+    rows = [
+        f"{k / 100},{0.001 * (k % 2)},{0.001 * (k % 3)},{0.001 * (k % 5)},{a},{b},{c + value}"
+        for k, (a, b, c) in enumerate(noise)
+    ]
+    path = tmp_path / "imu.csv"
+    path.write_text("\n".join([f"time_s,{names}", *rows, ""]))
+    assert read(path) == 0
+    shown = capsys.readouterr().out
+    assert said in shown
+    assert ("! " in shown) == bool(said)
+
+
+def test_read_tells_how_to_leave_a_stuck_axis_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "imu.csv"
+    path.write_text(SI)
+    assert read(path) == 0
+    assert "--column gyro_x=" in capsys.readouterr().out

@@ -31,6 +31,7 @@ RATE_FROM_README = "sampling rate taken from"
 # A count since 1970 tells its unit by its size: 1e8 s is 1973, 1e10 s is 2286.
 _EPOCH_UNITS = ((1e17, 1e19, "ns"), (1e14, 1e16, "us"), (1e11, 1e13, "ms"), (1e8, 1e10, "s"))
 _HERTZ = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)\s*Hz\b")
+_DAY_OF_1970 = (("MATLAB (datenum)", 719529.0), ("Excel", 25569.0))
 _SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -83,6 +84,11 @@ def time_axis(
     if week is None:
         counts = unwrapped(counts, f"'{column.name}'", notes)
     unit = time_unit or column.unit
+    origin = None if unit else _serial_dates(counts, pace)
+    if origin is not None:
+        name, start = origin
+        counts, unit = counts - start, "day"
+        notes.assumed(f"time taken as days of {name}: of that size, and nothing else gives a rate")
     if not unit:
         unit = _unit_by_size(source, column, counts, pace)
         notes.assumed(f"time taken as {unit}: no unit is named")
@@ -106,6 +112,21 @@ def time_axis(
 def repaired_time(time: FloatArray, notes: Notes) -> FloatArray:
     """Return time with packets spread, restarts put behind each other and stamps that repeat."""
     return between_neighbours(joined_restarts(spread_packets(time, notes), notes), notes)
+
+
+def _serial_dates(counts: FloatArray, pace: Pace) -> tuple[str, float] | None:
+    """Return which program's count of days this is, with the day of 1970; None: no days."""
+    finite = counts[np.isfinite(counts)]
+    step = np.diff(finite)
+    forward = step[step > 0.0]
+    if not forward.size:
+        return None
+    usual = float(np.median(forward))
+    if not pace.fits(usual * 86400.0) or any(pace.fits(usual * f) for f in _SCALES.values()):
+        return None
+    day = float(np.median(finite))
+    return next(((name, start) for name, start in _DAY_OF_1970 if 0.0 <= day - start < 36525.0),
+                None)  # fmt: skip
 
 
 def _unit_by_size(source: Source, column: Column, counts: FloatArray, pace: Pace) -> str:

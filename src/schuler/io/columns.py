@@ -14,11 +14,11 @@ from schuler.errors import InputError
 # unit, without anything but letters and digits.
 _LONG_GYRO = (
     r"(?:gyro|gyr|gyros|gyroscope|angularvelocity|angularrate|angvel|rotationrate|omega|wrss"
-    r"|gyrorotation|turnrate)"
+    r"|gyrorotation|turnrate|gyroadc)"
 )
 _LONG_ACCEL = (
     r"(?:accel|acc|accl|accelerometer|linearacceleration|linacc|specificforce|force|acceleration"
-    r"|arss|accelerometeracceleration|gforce)"
+    r"|arss|accelerometeracceleration|gforce|accsmooth)"
 )
 _GYRO = rf"(?:{_LONG_GYRO}|w|g|gy)"
 _ACCEL = rf"(?:{_LONG_ACCEL}|sf|f|a|ac|gf)"
@@ -69,6 +69,7 @@ _TIMES = (
     "gnssseconds",
     "systemtime",
     "loggingtime",
+    "loggingtimetxt",
     "timesincestart",
     "secondselapsed",
 )

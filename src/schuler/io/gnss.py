@@ -160,7 +160,10 @@ def _angles(table: _Table, options: ReadOptions) -> tuple[FloatArray, FloatArray
         raise InputError(
             f"latitude is {most[0]:g}: {hint}",
             expected="degrees",
-            cure="write the file in degrees, say angle_unit='1e-7 deg' or the like, or, where "
+            cure="write the file in degrees: whole hundreds are degrees, the rest divided by 60 is "
+            "added, south and west are negative"
+            if minutes
+            else "write the file in degrees, say angle_unit='1e-7 deg' or the like, or, where "
             "they are exchanged, columns={'latitude': ..., 'longitude': ...}",
             where=where,
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from schuler import units
-from schuler.errors import InputError
+from schuler.errors import InputError, UnitError
 from schuler.io.columns import Column, find_columns, missing, split_unit
 from schuler.io.source import Source, TextOptions
 
@@ -152,5 +152,15 @@ def _single(columns: Mapping[str, Any]) -> dict[str, Any]:
 
 def unit_of(column: Column, given: str | None, kind: str, default: str) -> tuple[float, str, bool]:
     """Return factor, unit, and whether it was only assumed."""
-    unit = given or column.unit
-    return units.scale(unit or default, kind), unit or default, not unit
+    unit = column.unit
+    if given:
+        return units.scale(given, kind), given, False
+    try:
+        return units.scale(unit or default, kind), unit or default, not unit
+    except UnitError as error:
+        raise UnitError(
+            f"column '{column.name}' is read as {kind}: {error.found}",
+            expected=error.expected,
+            cure="name the column that is meant with "
+            f"columns={{'{column.role}': ...}}, or the unit that is right",
+        ) from None

@@ -356,3 +356,9 @@ def clean_segments(
 def _times(imu: ImuRecording, rows: tuple[tuple[int, int], ...]) -> str:
     text = ", ".join(f"{imu.time[a]:.2f}" for a, _ in rows[:_SHOWN])
     return text + (", ... s" if len(rows) > _SHOWN else " s")
+
+
+def first_look(imu: ImuRecording) -> tuple[Finding, ...]:
+    """Return what values alone tell: axes that never change, units that cannot be."""
+    still = motion.look_at_rest(imu, imu.rate)
+    return (*values.stuck_axes(imu), *values.suspected_units(imu, still))

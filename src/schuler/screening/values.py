@@ -26,7 +26,8 @@ def stuck_axes(imu: ImuRecording) -> list[Finding]:
         if signal.max() > signal.min():
             continue
         what = "zero" if signal[0] == 0.0 else f"{signal[0]:.6g}"
-        text = f"{name} is {what} in all {imu.size} samples: no sensor does that"
+        text = f"{name} is {what} in all {imu.size} samples: no sensor does that; "
+        text += f"read without it with columns={{'{name}': None}}, or record again"
         found.append(Finding("stuck axis", "error", text, (name,), value=float(signal[0])))
     return found
 
@@ -77,7 +78,8 @@ def suspected_units(imu: ImuRecording, still: Rest) -> list[Finding]:
     if all(c in imu.channels for c in accel):
         force = float(np.median(np.sqrt(np.einsum("ij,ij->i", imu.accel, imu.accel))))
         ratio = force / STANDARD_GRAVITY
-        guess = _force_unit(ratio)
+        steady = float(np.linalg.norm(imu.accel.mean(axis=0))) > 0.5 * force
+        guess = _force_unit(ratio, steady)
         if guess:
             text = f"the specific force is {force:.4g} m/s^2 in the median: {guess}"
             found.append(Finding("units", "warning", text, accel, value=force))
@@ -98,7 +100,8 @@ def suspected_units(imu: ImuRecording, still: Rest) -> list[Finding]:
     return found
 
 
-def _force_unit(ratio: float) -> str:
+def _force_unit(ratio: float, steady: bool) -> str:
+    """Say what a median of |f| in g tells; `steady`: its direction stays, as gravity's does."""
     for scale, unit in (
         (1.0 / STANDARD_GRAVITY, "g"),
         (1000.0 / STANDARD_GRAVITY, "mg"),
@@ -108,6 +111,10 @@ def _force_unit(ratio: float) -> str:
             return f"the file seems to hold {unit} (say so with accel_unit='{unit}')"
     if 0.85 < ratio / STANDARD_GRAVITY < 1.15:
         return "it seems to be multiplied by g twice (say accel_unit='m/s^2')"
+    if ratio < 0.05 and steady:
+        return f"{1.0 / ratio:.3g} times less than gravity: the unit is another (say accel_unit=)"
+    if ratio < 0.5:
+        return "gravity seems to have been removed: take the columns that hold it"
     return ""
 
 

@@ -69,6 +69,8 @@ def read(
             screen.finding("info", line)
     for path in (*written, *((save_profile,) if save_profile else ())):
         screen.line(f"wrote {path}", "dim")
+    for severity, text in found["findings"]:
+        screen.finding(severity, text)
     return 0
 
 
@@ -100,6 +102,7 @@ def _summary(kind: str, title: str, recording: ImuRecording | GnssRecording) -> 
     import numpy as np
 
     from schuler.data import ImuRecording
+    from schuler.screening.screen import first_look
 
     facts: dict[str, Any] = {"rows": recording.size, "duration_s": recording.duration}
     if isinstance(recording, ImuRecording):
@@ -114,8 +117,10 @@ def _summary(kind: str, title: str, recording: ImuRecording | GnssRecording) -> 
         )
         facts["height_m"] = float(recording.position[0, 2])
         facts["velocity"] = "yes" if recording.velocity is not None else "no"
+    findings = first_look(recording) if isinstance(recording, ImuRecording) else ()
     return {
         "kind": kind,
+        "findings": [(f.severity, f.message) for f in findings],
         "format": title,
         "name": recording.name,
         "facts": facts,

@@ -14,11 +14,12 @@ from schuler.io.tables.content import Content
 from schuler.io.tables.fields import MISSING, split_all
 
 _SUSPECT = re.compile(
-    rb"(?m)(?:^|[\t,;|])[ \"]*[-+]?[\d.]+(?:[eE][-+]?\d+)?[ ]*(?![eE][-+]?\d)"
+    rb"(?m)(?:^|[\t,;| ])[ \"]*[-+]?[\d.]+(?:[eE][-+]?\d+)?[ ]*(?![eE][-+]?\d)"
     rb"(?:[A-Za-z%]|[\xb0-\xce])"
 )
 _CELL = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_].*|[°%].*)$")
 _ELECTRIC = re.compile(r"[mµμuk]?(?:V|A|T|G|Pa|Hz)|hPa|%|LSB|counts?|dB(?:-?Hz)?|°")
+_NUMBERS = re.compile(r"\s*[-+]?[.\d]")
 _LOOKED_AT = 200
 
 
@@ -30,8 +31,11 @@ def plain_cells(content: Content) -> tuple[Content, dict[int, str]]:
     if "\ufffd" in text:  # the degree sign of old loggers is one byte
         text = content.whole().decode("latin-1")
     lines = text.split("\n")
-    for delimiter in "\t;,|":
-        rows = [split_all(x, delimiter) for x in lines[: 2 * _LOOKED_AT] if x.strip()]
+    for delimiter in "\t;,| ":
+        # a blank stands between numbers, and before each unit too
+        looked = lines[: 2 * _LOOKED_AT]
+        looked = [_joined(x) for x in looked] if delimiter == " " else looked
+        rows = [split_all(x, delimiter) for x in looked if x.strip()]
         width = Counter(map(len, rows[-_LOOKED_AT:])).most_common(1)[0][0] if rows else 0
         units = _units([r for r in rows if len(r) == width], width)
         if width > 1 and units:
@@ -39,6 +43,11 @@ def plain_cells(content: Content) -> tuple[Content, dict[int, str]]:
             notes = (*content.notes, "units stood in the cells of the table")
             return Content(content.path, plain.encode(), notes), units
     return content, {}
+
+
+def _joined(line: str) -> str:
+    """Return a line of numbers with each unit right behind its number."""
+    return re.sub(r"(?<=\d)[ \t]+(?=[^\W\d_]|[°%])", "", line) if _NUMBERS.match(line) else line
 
 
 def _cell(field: str) -> tuple[str, str]:
@@ -69,7 +78,7 @@ def _rewritten(
     writer = csv.writer(out, delimiter=delimiter, lineterminator="\n")
     begun = False
     for number, line in enumerate(lines, 1):
-        fields = split_all(line, delimiter)
+        fields = split_all(_joined(line) if delimiter == " " else line, delimiter)
         cells = {k: _cell(fields[k]) for k in units} if len(fields) == width else {}
         begun = begun or any(unit for _, unit in cells.values())
         if not cells or not begun:

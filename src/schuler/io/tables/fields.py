@@ -5,6 +5,9 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from schuler.errors import InputError
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$")
 _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+(?:,\d*)?|,\d+)(?:[eE][+-]?\d+)?$")
@@ -30,6 +33,8 @@ MISSING_WORDS = sorted(
     {case for word in MISSING if word for case in (word, word.upper(), word.title())}
     | {"NaN", "-NaN", "NaN(ind)", "-NaN(ind)"}
 )
+_HEX_MARKED = re.compile(r"[-+]?0[xX][0-9A-Fa-f]+")
+_HEX = re.compile(r"[0-9A-Fa-f]{2}|[0-9A-Fa-f]{4}|[0-9A-Fa-f]{8}")
 _CLOCK = r"\d\d?:\d\d(?::\d\d(?:[.,:]\d+)?)?"
 DATE = re.compile(
     rf"{_CLOCK}(?:\s*[AaPp]\.?[Mm]\.?)?$"
@@ -77,6 +82,24 @@ def is_number(field: str, decimal_comma: bool) -> bool:
     if field.lower() in MISSING:
         return True
     return bool(_NUMBER.match(field) or (decimal_comma and _COMMA_NUMBER.match(field)))
+
+
+def refuse_hexadecimal(rows: Sequence[Sequence[str]], path: Path) -> None:
+    """Raise when three rows or columns hold hexadecimal numbers of a chip alone."""
+    for least, pattern in ((2, _HEX_MARKED), (4, _HEX)):
+        found = [r for r in rows if sum(bool(pattern.fullmatch(f)) for f in r) >= least]
+        shown = next((f for r in found for f in r if pattern.fullmatch(f)), "")
+        if len(found) >= 3 and (pattern is _HEX_MARKED or _all_match(found, pattern)):
+            raise InputError(
+                f"numbers are written in hexadecimal ('{shown}')",
+                expected="decimal numbers",
+                cure="write them in decimal, with their sign (of 16 bits: less 65536 above 32767)",
+                where=str(path),
+            )
+
+
+def _all_match(columns: Sequence[Sequence[str]], pattern: re.Pattern[str]) -> bool:
+    return all(pattern.fullmatch(f) for column in columns for f in column)
 
 
 def has_comma(rows: Iterable[Sequence[str]], delimiter: str) -> bool:

@@ -17,6 +17,7 @@ from schuler.io.tables.fields import (
     bare_unit,
     has_comma,
     is_number,
+    refuse_hexadecimal,
     split,
     split_all,
     stated_rate,
@@ -234,6 +235,7 @@ def _by_rows(lines: list[str], comment: str | None, options: TextOptions, path: 
         names, units, named = _header(above, len(rows[0]), delimiter, comment, options, path)
         kept = tuple(r for r in rows if len(r) == len(rows[0]))
         return Layout(index, delimiter, comma, comment, names, units, kept, named)
+    refuse_hexadecimal([re.split(r"[\s,;|]+", x.strip()) for _, x in candidates], path)
     raise InputError(
         "no line of numbers was found",
         expected="a table of numbers, one sample a line",

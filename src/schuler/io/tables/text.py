@@ -23,11 +23,14 @@ from schuler.io.tables.fields import (
     MISSING,
     MISSING_WORDS,
     is_number,
+    refuse_hexadecimal,
     separated_thousands,
     split,
     split_all,
 )
+from schuler.io.tables.hemispheres import signed_degrees
 from schuler.io.tables.layout import Layout, find_layout
+from schuler.io.tables.terminal_lines import without_terminal_stamps
 from schuler.io.trajectories.table import recording_csv, write_csv
 from schuler.unit_grammar import evaluate
 
@@ -330,12 +333,14 @@ def _all_null(frame: polars.DataFrame) -> polars.Expr:
 
 def open_text(path: Path, options: TextOptions) -> TextSource:
     """Open a text file: find its layout and check that its end is not cut off."""
-    content, in_cells = plain_cells(content_of(path))
+    content = signed_degrees(without_terminal_stamps(content_of(path)))
+    content, in_cells = plain_cells(content)
     layout = find_layout(content, options)
     if in_cells:
         layout = replace(layout, units=_with_cells(layout, in_cells, path))
-    left_out = tuple(n for n in content.notes if n.startswith("left out"))
+    left_out = tuple(n for n in content.notes if n.startswith(("left out", "taken as")))
     source = TextSource(content, layout, content.notes, left_out)
+    refuse_hexadecimal([layout.fields_of(n) for n in source.names if source.is_text(n)], path)
     reason = _cut_off(content, layout)
     if not reason:
         return source
