@@ -20,6 +20,7 @@ from schuler import (
 from schuler.cli import main
 from schuler.earth import geodetic_from_ned
 from schuler.io.registry import trajectory_format
+from schuler.report.sections.navigation.accuracy import claims_judged
 from schuler.types import FloatArray
 
 ORIGIN = np.array([np.radians(48.1), np.radians(11.5), 520.0])
@@ -174,3 +175,36 @@ def test_comparison_counts_in_standard_errors_and_refuses_strangers() -> None:
     assert found.lacking == ("own",)
     with pytest.raises(InputError, match="no number in common"):
         compare_results([{"a": 1.0}, {"b": 2.0}])
+
+
+def test_another_clock_is_named_with_what_would_remain() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 400.0, 0.5)
+
+    def way(at: FloatArray) -> FloatArray:
+        return np.column_stack(
+            [300.0 * np.sin(at / 40.0) + 5.0 * at, 200.0 * np.cos(at / 25.0), 3.0 * np.sin(at / 60)]
+        )
+
+    noise = 0.05 * rng.standard_normal((time.size, 3))
+    truth = Track(time, way(time), local=True)
+    early = Track(time, way(time + 0.4) + noise, local=True)
+    found = evaluate_trajectory(early, truth)
+    shift = found.time_shift
+    assert shift is not None
+    assert shift.offset_s == pytest.approx(-0.4, abs=4.0 * shift.sd_s + 2e-4)
+    assert shift.explained > 0.99
+    assert shift.remaining_m == pytest.approx(0.05 * np.sqrt(3.0), rel=0.1)
+    assert "--truth-offset" in claims_judged(found)[0]
+    mended = evaluate_trajectory(early, truth, time_offset=shift.offset_s)
+    assert mended.ate_m["rms"] == pytest.approx(shift.remaining_m, rel=0.05)
+    assert mended.time_shift is None
+    good = Track(time, way(time) + noise, local=True)
+    assert evaluate_trajectory(good, truth).time_shift is None
+
+
+def test_what_a_result_is_asked_for_comes_first_however_little_it_changes() -> None:
+    one = {"findings": [{"value": 1.0}], "samples": 10.0, "horizontal_m": {"rms": 2.0}}
+    two = {"findings": [{"value": 9.0}], "samples": 20.0, "horizontal_m": {"rms": 2.2}}
+    keys = [n.key for n in compare_results({"a": one, "b": two}).numbers]
+    assert keys == ["horizontal_m.rms", "samples", "findings.0.value"]

@@ -23,6 +23,12 @@ SPANS = (1.0, 10.0, 60.0)
 """Seconds over which relative errors are taken."""
 STRETCHES = (100.0, 1000.0)
 """Metres of way over which relative errors are taken."""
+PARTS = 20
+"""Of the time, whose scatter tells how sure a shift of the clock is, ..."""
+SURE = 4.0
+"""... in so many standard errors, and ..."""
+EXPLAINED = 1.0 / 3.0
+"""... the share of the squared error that it has to explain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +76,26 @@ class WindowError(ToDict):
     end_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class TimeShift(ToDict):
+    """A shift of the clock that explains much of an error: it lies along the velocity.
+
+    Parameters
+    ----------
+    offset_s, sd_s : float
+        Seconds to add to the time of the reference besides what was added, and how sure.
+    explained : float
+        Share of the squared error.
+    remaining_m : float
+        Root mean square of what is left, m.
+    """
+
+    offset_s: float
+    sd_s: float
+    explained: float
+    remaining_m: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TrajectoryEvaluation(Exportable):
     """Errors of a trajectory against a reference, estimated minus true.
@@ -98,6 +124,8 @@ class TrajectoryEvaluation(Exportable):
         Stretches that were asked for.
     notes : tuple of str
         What was done, and what limits the comparison.
+    time_shift : TimeShift or None
+        Where another clock explains a third of the squared error or more.
 
     Examples
     --------
@@ -111,7 +139,8 @@ class TrajectoryEvaluation(Exportable):
 
     JSON = (
         "name truth_name samples duration_s distance_m=distance ate_m horizontal_m vertical_m axes "
-        "velocity_rms_m_s attitude_rms_rad relative windows claims notes"
+        "velocity_rms_m_s attitude_rms_rad relative windows claims notes "
+        "time_shift"
     )
     AXES = "north east down"
 
@@ -127,6 +156,7 @@ class TrajectoryEvaluation(Exportable):
     relative: tuple[RelativeError, ...]
     windows: tuple[WindowError, ...]
     notes: tuple[str, ...] = field(default=())
+    time_shift: TimeShift | None = None
 
     @property
     def samples(self) -> int:
@@ -267,7 +297,27 @@ def evaluate_trajectory(
         tuple(_relative(pair, way, attitudes)),
         tuple(_window(pair, *w) for w in windows),
         pair.notes,
+        _time_shift(pair.time, pair.estimate - pair.truth, pair.truth),
     )
+
+
+def _time_shift(time: FloatArray, error: FloatArray, truth: FloatArray) -> TimeShift | None:
+    """Regress errors on the velocity of the reference; parts of the time tell how sure it is."""
+    if time.size < 2 * PARTS:
+        return None
+    velocity = np.gradient(truth, time, axis=0)
+    along, power = (velocity * error).sum(axis=1), (velocity**2).sum(axis=1)
+    if not power.sum() > 0.0:
+        return None
+    late = float(along.sum() / power.sum())
+    residual = along - late * power
+    parts = [float(p.sum()) for p in np.array_split(residual, PARTS)]
+    sd = float(np.sqrt(np.sum(np.square(parts)) * PARTS / (PARTS - 1)) / power.sum())
+    whole, left = float((error**2).sum()), float(((error - late * velocity) ** 2).sum())
+    explained = 1.0 - left / max(whole, 1e-30)
+    if explained < EXPLAINED or abs(late) < max(SURE * sd, 1e-3):
+        return None
+    return TimeShift(-late, sd, explained, float(np.sqrt(left / time.size)))
 
 
 def _spread(values: FloatArray) -> dict[str, float]:

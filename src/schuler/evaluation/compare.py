@@ -55,6 +55,14 @@ class ComparedValue(ToDict):
         )
 
 
+ASKED = (
+    "_of_maxima", "max_m", "rms", "horizontal", "within_2_sigma", "claimed", "nees", "nis",
+    "parameters.", "ieee952.",
+)  # fmt: skip
+"""In the names of errors, claims and coefficients."""
+ASIDE = ("findings", "screening", "settings", "history", "inputs", "notes", "diagnostics")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultComparison(Exportable):
     """Several results, number by number.
@@ -64,7 +72,8 @@ class ResultComparison(Exportable):
     names : tuple of str
         Of the results.
     numbers : tuple of ComparedValue
-        What at least two of them hold, that which differs most first.
+        What at least two of them hold, what a result is asked for first, then
+        that which differs most.
     words : tuple of (str, tuple of str)
         Texts that differ, such as settings, and what each result says.
     lacking : tuple of str
@@ -150,8 +159,15 @@ def compare_results(
             f"the results have no number in common ({', '.join(results)})",
             expected="results of the same command",
         )
-    numbers.sort(key=lambda n: -n.change)
+    numbers.sort(key=lambda n: (_place(n.key), -n.change))
     return ResultComparison(tuple(results), tuple(numbers), tuple(words), tuple(lacking))
+
+
+def _place(key: str) -> int:
+    """Return 0 for what a result is asked for, 2 for what only tells how it came about."""
+    if any(word in key for word in ASIDE):
+        return 2
+    return 0 if any(word in key for word in ASKED) else 1
 
 
 def _name(result: Any, k: int) -> str:

@@ -67,15 +67,24 @@ def answer(found: TrajectoryEvaluation) -> tuple[str, ...]:
 
 
 def claims_judged(found: TrajectoryEvaluation) -> tuple[str, ...]:
-    """Return what is wrong with the claimed deviations, where that is plain."""
+    """Return what is wrong with clock and claimed deviations, where that is plain."""
+    said, shift = [], found.time_shift
+    if shift is not None:
+        said.append(
+            f"Another clock explains {100.0 * shift.explained:.0f} % of the squared error: with "
+            f"{shift.offset_s:+.3f} s (± {shift.sd_s:.2g}) more on the time of the reference "
+            f"(--truth-offset), {number(shift.remaining_m)} m RMS would remain."
+        )
     claims = found.claims
     if claims is None:
-        return ()
+        return tuple(said)
     ratio = claims["nees_per_axis"]
     real = f"real errors are {number(ratio**0.5)} times as large"
     if ratio > 4.0:
-        return (f"Its claimed deviations are too small: {real}.",)
-    return (f"Its claimed deviations are too large: {real}.",) if ratio < 0.1 else ()
+        said.append(f"Its claimed deviations are too small: {real}.")
+    elif ratio < 0.1:
+        said.append(f"Its claimed deviations are too large: {real}.")
+    return tuple(said)
 
 
 def error_table(
