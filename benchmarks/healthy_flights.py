@@ -1,6 +1,6 @@
 """Healthy flights of a quadrotor with four IMUs: is any sensor excluded, and are faults named?
 
-    python -m benchmarks.healthy_flights [--injections 4] [--passing]
+    python -m benchmarks.healthy_flights [--injections 4] [--flights 03 09] [--seed 20] [--passing]
 
 Needs the recordings (SCHULER_DATA, or shared/data beside the repository). Each flight is judged
 with the calibration of another one, or calibrated in passing with the fault inside. Ends with exit
@@ -47,14 +47,18 @@ def excluded(array: ImuArray, board: ArrayCalibration | None) -> list[FaultRecor
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--injections", type=int, default=4)
+    parser.add_argument("--flights", nargs="+", choices=FLIGHTS, default=list(FLIGHTS))
+    parser.add_argument("--seed", type=int, default=20)
     parser.add_argument("--passing", action="store_true")
     options = parser.parse_args()
     warnings.simplefilter("ignore", RuntimeWarning)
-    rng = np.random.default_rng(20)
+    rng = np.random.default_rng(options.seed)
     arrays = {p: read_array(DATA / f"path{p}_imu.parquet") for p in FLIGHTS}
     delays: dict[str, list[float]] = {kind: [] for kind in SIZES}
     false = wrong = 0
     for i, p in enumerate(FLIGHTS):
+        if p not in options.flights:
+            continue
         other = FLIGHTS[(i + 3) % len(FLIGHTS)]
         board = None if options.passing else calibrate_array(arrays[other], bandwidth=8.0)
         healthy = excluded(arrays[p], board)
@@ -72,7 +76,8 @@ def main() -> None:
                 wrong += len(found) - len(right)
         print(f"path {p}: {[r.text for r in healthy]}", flush=True)
     print(
-        f"{false} healthy sensors excluded on {len(FLIGHTS)} flights, {wrong} wrong in injections"
+        f"{false} healthy sensors excluded on {len(options.flights)} flights, "
+        f"{wrong} wrong in injections"
     )
     for kind, times in delays.items():
         share = [float(np.mean(np.array(times) <= limit)) for limit in (1.0, 2.0, np.inf)]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from schuler.arrays.calibration.calibrate import calibrate_array
+from schuler.arrays.detection.fault_settings import FaultSettings
 from schuler.arrays.detection.faults import detect_faults
 from schuler.arrays.detection.motion_errors import motion_errors
 from schuler.arrays.detection.preparation import prepare_detection
@@ -115,3 +116,20 @@ def test_healthy_flights_have_no_faults_and_those_put_in_are_named(
     assert [n[0] for n in named] == ["gyro", "accel"]
     assert named[0][1].endswith("imu2 x") and named[0][2] < 21.0
     assert named[1][1].endswith("imu4 y") and named[1][2] < 32.0
+
+
+def test_accelerometers_are_not_blamed_while_every_gyro_is_saturated() -> None:
+    """Spun beyond the range: what rotation does over the lever arms is not known then."""
+    rng = np.random.default_rng(8)
+    time = np.arange(6000) / 100.0
+    rate = np.zeros((time.size, 3))
+    rate[:, 2] = 60.0 * np.clip(np.sin(2.0 * np.pi * (time - 20.0) / 20.0), 0.0, 1.0) ** 3
+    arms = 0.01 * np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
+    slope = np.gradient(rate, time, axis=0)
+    accel = np.cross(slope[:, None], arms) + np.cross(rate[:, None], np.cross(rate[:, None], arms))
+    accel += [0.0, 0.0, -9.81] + 0.02 * rng.standard_normal(accel.shape)
+    gyro = rate[:, None] + 0.1 * DEGREE * rng.standard_normal(accel.shape)
+    gyro[rate[:, 2] > 2000.0 * DEGREE] = np.nan
+    array = ImuArray(time, gyro, accel, replace(Mounting.aligned(4), position=arms))
+    found = detect_faults(array, FaultSettings(arm_uncertainty=2e-4))
+    assert {(r.sensor, r.kind) for r in found.records} <= {("gyro", "missing")}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -217,11 +217,15 @@ def detect_faults(
     limits: list[str] = []
     for kind in kinds:
         sensors = redundant_sensors(array, kind)
-        tensor = None
+        tensor, judged = None, sensors
         if kind == "accel" and rate is not None and sensors.spacing > 0.0:
             tensor = turning_tensor(sensors.time, rate, causal=causal)
+            # where every gyro is saturated, nobody knows what rotation does over the lever arms
+            lost = np.isnan(rate).any(axis=1)
+            known = np.where(lost[:, None], np.nan, sensors.measurements)
+            judged = replace(sensors, measurements=known) if lost.any() else sensors
         followed = follow_sensors(
-            sensors,
+            judged,
             None if noise is None else noise.of(sensors),
             how.online_of(kind),
             how.watch(sensors),

@@ -34,7 +34,7 @@ SHORT = 0.1
 """Seconds of the means that tell vibration from noise: it cancels in them faster."""
 COLOURED = 0.3
 """Share of white scatter in these means below which the samples are vibration."""
-WANDER = 2.5
+WANDER = {"gyro": 2.5, "accel": 1.0}
 """Slow wander of a healthy bias, in deviations of what half seconds differ by."""
 LARGEST_TURN, LARGEST_SCALE = float(np.radians(1.0)), 0.005
 """Between gyros of an array that passes as calibrated, rad and a share of the rate."""
@@ -179,14 +179,14 @@ def _with_errors(
     if gyro is not None:
         settings = replace(
             settings,
-            gyro_wander=max(settings.gyro_wander, WANDER * gyro.floor),
+            gyro_wander=max(settings.gyro_wander, WANDER["gyro"] * gyro.floor),
             scale_uncertainty=max(settings.scale_uncertainty, gyro.scale),
             delay_uncertainty=max(settings.delay_uncertainty, gyro.timing),
         )
     if accel is not None:
         settings = replace(
             settings,
-            accel_wander=max(settings.accel_wander, WANDER * accel.floor),
+            accel_wander=max(settings.accel_wander, WANDER["accel"] * accel.floor),
             accel_scale_uncertainty=max(settings.accel_scale_uncertainty, accel.scale),
             accel_delay_uncertainty=max(settings.accel_delay_uncertainty, accel.timing),
             arm_uncertainty=max(settings.arm_uncertainty, accel.arm),
