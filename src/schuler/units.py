@@ -48,21 +48,11 @@ _NUMBER = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of quantity: what its unit must measure, and how people write it.
+    """A kind of quantity: what its unit must measure, and how people write it."""
 
-    Parameters
-    ----------
-    dimension : tuple of Fraction
-        Powers of length, time and angle.
-    si : str
-        SI unit, as `format_value` writes it.
-    datasheet : str
-        The unit of datasheets and papers.
-    """
-
-    dimension: Dimension
-    si: str
-    datasheet: str
+    dimension: Dimension  # powers of length, time and angle
+    si: str  # SI unit, as `format_value` writes it
+    datasheet: str  # the unit of datasheets and papers
 
 
 KINDS: dict[str, Kind] = {

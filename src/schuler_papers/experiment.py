@@ -50,33 +50,16 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """One unit of work that is repeated, and the items it serves.
+    """One unit of work that is repeated, and the items it serves."""
 
-    Parameters
-    ----------
-    paper : str
-        Name in `registry.PAPERS`.
-    name : str
-        Letters, digits and hyphens; names the files that are kept.
-    title : str
-        What is done.
-    run : callable
-        ``(seed, size) -> Numbers``; ``(seed, size, folder)`` if it needs recordings.
-    items : tuple of Item
-        What the results are for.
-    repetitions : Repetitions
-        How often.
-    recordings : tuple of str
-        Folders of measured data it needs.
-    """
-
-    paper: str
-    name: str
-    title: str
+    paper: str  # name in `registry.PAPERS`
+    name: str  # letters, digits and hyphens; names the files that are kept.
+    title: str  # what is done
+    # ``(seed, size) -> Numbers``; ``(seed, size, folder)`` if it needs recordings.
     run: Callable[..., Numbers]
-    items: tuple[Item, ...]
-    repetitions: Repetitions = Repetitions()
-    recordings: tuple[str, ...] = ()
+    items: tuple[Item, ...]  # what the results are for
+    repetitions: Repetitions = Repetitions()  # how often
+    recordings: tuple[str, ...] = ()  # folders of measured data it needs
 
     def __post_init__(self) -> None:
         if not all(c.isascii() and (c.isalnum() or c == "-") for c in self.name) or not self.name:

@@ -52,30 +52,17 @@ _OPERATIONS: dict[type[ast.operator], Callable[[float, float], float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What a judge found, by the names that the rows of the paper ask for.
+    """What a judge found, by the names that the rows of the paper ask for."""
 
-    Parameters
-    ----------
-    values : mapping of str to array, Estimate, float or str
-        Arrays have one entry for each repetition first; their mean and its error are taken.
-    bands : mapping of str to Band or array
-        Computed bands: (2, ...) arrays of low and high ends.
-    proofs : mapping of str to Proof
-        That were run.
-    printed : mapping of str to array, float or str
-        Printed values that other tables of the paper give.
-    panels : tuple of Panel
-        What is drawn again.
-    notes : tuple of str
-        Sentences with numbers in them.
-    """
-
+    # arrays have one entry for each repetition first; their mean and its error are taken.
     values: Mapping[str, Value]
+    # computed bands: (2, ...) arrays of low and high ends
     bands: Mapping[str, Band | FloatArray] = field(default_factory=dict)
-    proofs: Mapping[str, Proof] = field(default_factory=dict)
+    proofs: Mapping[str, Proof] = field(default_factory=dict)  # that were run
+    # printed values that other tables of the paper give
     printed: Mapping[str, Any] = field(default_factory=dict)
-    panels: tuple[Panel, ...] = ()
-    notes: tuple[str, ...] = ()
+    panels: tuple[Panel, ...] = ()  # what is drawn again
+    notes: tuple[str, ...] = ()  # sentences with numbers in them
 
 
 def plain(results: Results, size: Size) -> Found:

@@ -42,25 +42,15 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Where a value has to lie, and who says so.
+    """Where a value has to lie, and who says so."""
 
-    Parameters
-    ----------
-    low, high : float
-        Ends of the band; infinite where there is none.
-    source : {"spec", "theory", "frozen"}
-        The specification of the project, a proof, or a forecast that was frozen at given seeds.
-    note : str
-        Which law, or the value that was measured when the band was frozen.
-    standard_errors : float
-        How many standard errors of the value are added on both sides.
-    """
-
+    # low, high: ends of the band; infinite where there is none.
     low: float
     high: float
+    # the specification of the project, a proof, or a forecast that was frozen at given seeds
     source: Source = "spec"
-    note: str = ""
-    standard_errors: float = 0.0
+    note: str = ""  # which law, or the value that was measured when the band was frozen
+    standard_errors: float = 0.0  # how many standard errors of the value are added on both sides
 
     def __post_init__(self) -> None:
         if not self.low <= self.high:
@@ -86,24 +76,14 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """Why a printed number or statement cannot be right: something that was run.
+    """Why a printed number or statement cannot be right: something that was run."""
 
-    Parameters
-    ----------
-    statement : str
-        One sentence.
-    value : Estimate or float
-        What was computed.
-    low, high : float
-        The proof holds if the value lies between them.
-    method : {"identity", "bound", "counter-experiment"}
-        Of which kind it is; a counter-experiment has the paper's own conditions.
-    """
-
-    statement: str
-    value: Estimate | float
+    statement: str  # one sentence
+    value: Estimate | float  # what was computed
+    # low, high: the proof holds if the value lies between them
     low: float
     high: float
+    # of which kind it is; a counter-experiment has the paper's own conditions.
     method: Literal["identity", "bound", "counter-experiment"] = "identity"
 
     @property
@@ -126,51 +106,25 @@ class Proof:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One quantity: what is printed, what came out, and where it has to lie.
+    """One quantity: what is printed, what came out, and where it has to lie."""
 
-    Parameters
-    ----------
-    quantity : str
-        What it is, in the field's words.
-    ours : Estimate, float or str
-        What came out; words where it is not a number.
-    printed : float, str or None
-        What the paper says, in the same unit; None where it says nothing.
-    unit : str
-        Of all values of the row.
-    band : Band or None
-        Where ours has to lie.
-    printed_error : float
-        Standard deviation of the printed number, as it is printed.
-    scatter : float
-        Standard deviation of one draw of ours, where the printed number is one draw.
-    role : {"", "arithmetic", "setting"}
-        Computed from printed numbers alone; an input. Else the kind follows from the numbers.
-    derived : bool
-        The printed number is computed from printed ones, or implied by the text.
-    against : bool
-        The band contradicts what is said in words.
-    proof : Proof or None
-        Why the paper cannot be right.
-    reason : str
-        A remark, or what would explain a difference.
-    erratum : str
-        Label of the slip, such as "E-000-5".
-    """
-
-    quantity: str
-    ours: Estimate | float | str
+    quantity: str  # what it is, in the field's words
+    ours: Estimate | float | str  # what came out; words where it is not a number.
+    # what the paper says, in the same unit; None where it says nothing.
     printed: float | str | None = None
-    unit: str = ""
-    band: Band | None = None
-    printed_error: float = math.nan
+    unit: str = ""  # of all values of the row
+    band: Band | None = None  # where ours has to lie
+    printed_error: float = math.nan  # standard deviation of the printed number, as it is printed
+    # standard deviation of one draw of ours, where the printed number is one draw
     scatter: float = math.nan
+    # computed from printed numbers alone; an input. Else the kind follows from the numbers.
     role: Literal["", "arithmetic", "setting"] = ""
+    # the printed number is computed from printed ones, or implied by the text
     derived: bool = False
-    against: bool = False
-    proof: Proof | None = None
-    reason: str = ""
-    erratum: str = ""
+    against: bool = False  # the band contradicts what is said in words
+    proof: Proof | None = None  # why the paper cannot be right
+    reason: str = ""  # a remark, or what would explain a difference
+    erratum: str = ""  # label of the slip, such as "E-000-5"
 
     def __post_init__(self) -> None:
         if self.band is not None and isinstance(self.ours, str):

@@ -49,34 +49,19 @@ MOST_ROWS = 20_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxesCheck:
-    """What rates and gravity say of the axes of an array.
+    """What rates and gravity say of the axes of an array."""
 
-    Parameters
-    ----------
-    reference : int
-        IMU with which most others agree.
-    turn : (k, 3, 3) ndarray
-        Rotation that takes the rates of each IMU, turned by its mounting, into those of the
-        reference; NaN where the motion does not show it.
-    turn_sd : (k,) ndarray
-        Standard deviation of that rotation, about the axis that is seen worst, rad.
-    turned : (k,) ndarray of bool
-        IMUs whose axes are not where the mounting says.
-    broken : (k,) ndarray of bool
-        IMUs whose accelerometer contradicts the others without being turned.
-    gravity_angle : (k,) ndarray
-        Between gravity in each IMU and in the reference, rad; NaN where it is not seen.
-    force : (k,) ndarray
-        Median length of the specific force of each, m/s².
-    """
-
-    reference: int
+    reference: int  # IMU with which most others agree
+    # (k, 3, 3): rotation that takes the rates of each IMU, turned by its mounting, into those of
+    # the reference; NaN where the motion does not show it.
     turn: FloatArray
+    # (k,): standard deviation of that rotation, about the axis that is seen worst, rad
     turn_sd: FloatArray
-    turned: BoolArray
-    broken: BoolArray
+    turned: BoolArray  # (k,): IMUs whose axes are not where the mounting says
+    broken: BoolArray  # (k,): IMUs whose accelerometer contradicts the others without being turned
+    # (k,): between gravity in each IMU and in the reference, rad; NaN where it is not seen.
     gravity_angle: FloatArray
-    force: FloatArray
+    force: FloatArray  # (k,): median length of the specific force of each, m/s²
 
 
 def check_axes(array: ImuArray) -> AxesCheck:

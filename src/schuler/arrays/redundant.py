@@ -29,36 +29,17 @@ FEW = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RedundantSensors:
-    """All gyros, or all accelerometers, of an array.
+    """All gyros, or all accelerometers, of an array."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        s.
-    measurements : (n, M) ndarray
-        One column for each axis, in rad/s or m/s²; NaN where missing.
-    axes : (M, 3) ndarray
-        Sensitive axes in the body, A.
-    unit : (M,) ndarray of int
-        IMU of each axis, from 0, not decreasing.
-    arms : (M, 3) ndarray
-        Where each sits in the body, m.
-    names : tuple of str
-        "imu 1 x", ...
-    unit_names : tuple of str
-        Of the IMUs.
-    sensor : {"gyro", "accel"}
-        Which kind.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (n,): s
+    # (n, M): one column for each axis, in rad/s or m/s²; NaN where missing.
     measurements: FloatArray
-    axes: FloatArray
-    unit: NDArray[np.int64]
-    arms: FloatArray
-    names: tuple[str, ...]
-    unit_names: tuple[str, ...]
-    sensor: Sensor
+    axes: FloatArray  # (M, 3): sensitive axes in the body, A
+    unit: NDArray[np.int64]  # (M,): IMU of each axis, from 0, not decreasing
+    arms: FloatArray  # (M, 3): where each sits in the body, m
+    names: tuple[str, ...]  # "imu 1 x", ..
+    unit_names: tuple[str, ...]  # of the IMUs
+    sensor: Sensor  # which kind
 
     @property
     def count(self) -> int:

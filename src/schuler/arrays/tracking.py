@@ -77,111 +77,56 @@ class OnlineSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
-    """Thresholds of the on-line tests in the numbers the kernel works with.
+    """Thresholds of the on-line tests in the numbers the kernel works with."""
 
-    Parameters
-    ----------
-    time_constants : tuple of float
-        Of the smoothed residuals, s.
-    axis_threshold, unit_threshold : tuple of float
-        F for each.
-    unit_margin : float
-        F by which a unit must beat its worst axis.
-    spike : float
-        F of one axis in one sample.
-    readmission : float
-        F below which an axis taken out behaves.
-    hold : float
-        How long it must, s.
-    factor_time_constant : float
-        Memory of the calibration of the smoothed residuals, s.
-    wander : float
-        Standard deviation of slow wander of a bias that is no fault, rad/s or m/s².
-    """
-
-    time_constants: tuple[float, ...]
+    time_constants: tuple[float, ...]  # of the smoothed residuals, s
+    # axis_threshold, unit_threshold: F for each
     axis_threshold: tuple[float, ...]
     unit_threshold: tuple[float, ...]
-    unit_margin: float
-    spike: float
-    readmission: float
-    hold: float
-    factor_time_constant: float
-    wander: float
+    unit_margin: float  # F by which a unit must beat its worst axis
+    spike: float  # F of one axis in one sample
+    readmission: float  # F below which an axis taken out behaves
+    hold: float  # how long it must, s
+    factor_time_constant: float  # memory of the calibration of the smoothed residuals, s
+    wander: float  # standard deviation of slow wander of a bias that is no fault, rad/s or m/s²
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisNoise:
-    """What is known of the axes of one kind of sensor beforehand.
+    """What is known of the axes of one kind of sensor beforehand."""
 
-    Parameters
-    ----------
-    bias : (M,) ndarray
-        Differences of the biases in the gauge of the mean of the sensors, rad/s or m/s².
-    variance : (M,) ndarray
-        Of a sample, square of that.
-    """
-
+    # (M,): differences of the biases in the gauge of the mean of the sensors, rad/s or m/s²
     bias: FloatArray
-    variance: FloatArray
+    variance: FloatArray  # (M,): of a sample, square of that
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """What came out for one kind of sensor; see `schuler.kernels.arrays.redundancy.follow`.
+    """What came out for one kind of sensor; see `schuler.kernels.arrays.redundancy.follow`."""
 
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        What was followed.
-    block : int
-        Samples in a block.
-    learning : int
-        Blocks at the beginning in which nothing was taken out.
-    fused : (n, 3) ndarray
-        In the body.
-    covariance : (b, 3, 3) ndarray
-        Of the fused vector in each block.
-    variance : (b, M) ndarray
-        Of a sample of each axis as it was used.
-    usage : (b, M) ndarray
-        0 used, 1 taken out, 2 taken out with its unit, 3 missing.
-    freedom : (b,) ndarray
-        Degrees of freedom of the chi-square statistic.
-    statistic, axis_statistic, unit_statistic : (n,) ndarray
-        D, and the largest likelihood statistics of an axis and a unit.
-    axis_suspect, unit_suspect : (n,) ndarray of int
-        Which.
-    smoothed : (b, J) ndarray
-        Largest likelihood statistic of an axis in the smoothed residuals.
-    factor : (J,) ndarray
-        At the end, how much larger smoothed residuals were than white noise makes them.
-    bias : (M,) ndarray
-        Differences of the biases at the end.
-    events : (e, 8) ndarray
-        The log.
-    lost_events : int
-        Lines that did not fit in.
-    """
-
-    sensors: RedundantSensors
-    block: int
-    learning: int
-    fused: FloatArray
-    covariance: FloatArray
-    variance: FloatArray
-    usage: NDArray[np.int8]
-    freedom: NDArray[np.int16]
+    sensors: RedundantSensors  # what was followed
+    block: int  # samples in a block
+    learning: int  # blocks at the beginning in which nothing was taken out
+    fused: FloatArray  # (n, 3): in the body
+    covariance: FloatArray  # (b, 3, 3): of the fused vector in each block
+    variance: FloatArray  # (b, M): of a sample of each axis as it was used
+    usage: NDArray[np.int8]  # (b, M): 0 used, 1 taken out, 2 taken out with its unit, 3 missing
+    freedom: NDArray[np.int16]  # (b,): degrees of freedom of the chi-square statistic
+    # statistic, axis_statistic, unit_statistic: (n,) D, and the largest likelihood statistics of an
+    # axis and a unit
     statistic: FloatArray
     axis_statistic: FloatArray
+    # axis_suspect, unit_suspect: (n,) which
     axis_suspect: NDArray[np.int16]
     unit_statistic: FloatArray
     unit_suspect: NDArray[np.int16]
+    # (b, J): largest likelihood statistic of an axis in the smoothed residuals
     smoothed: FloatArray
+    # (J,): at the end, how much larger smoothed residuals were than white noise makes them
     factor: FloatArray
-    bias: FloatArray
-    events: FloatArray
-    lost_events: int
+    bias: FloatArray  # (M,): differences of the biases at the end
+    events: FloatArray  # (e, 8): the log
+    lost_events: int  # lines that did not fit in
 
     @property
     def block_time(self) -> FloatArray:

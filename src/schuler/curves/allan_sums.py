@@ -36,30 +36,17 @@ class AllanSums:
     """Sums of squared second differences of one or more stretches of a signal.
 
     Those of a week are the sum of those of its days: ``monday + tuesday``.
-
-    Parameters
-    ----------
-    factors : (t,) ndarray of int
-        Samples of a cluster.
-    squares : (t, m) ndarray
-        Sums of squared second differences of the integrated signal, divided by the cluster's
-        length squared.
-    clusters : (t,) ndarray of int
-        How many of them there are.
-    strides : (t,) ndarray of int
-        Samples from the beginning of one cluster to that of the next.
-    rate : float
-        Samples a second.
-    samples : int
-        Of all stretches.
     """
 
-    factors: NDArray[np.int64]
+    factors: NDArray[np.int64]  # (t,): samples of a cluster
+    # (t, m): sums of squared second differences of the integrated signal, divided by the cluster's
+    # length squared
     squares: FloatArray
-    clusters: NDArray[np.int64]
+    clusters: NDArray[np.int64]  # (t,): how many of them there are
+    # (t,): samples from the beginning of one cluster to that of the next
     strides: NDArray[np.int64]
-    rate: float
-    samples: int
+    rate: float  # samples a second
+    samples: int  # of all stretches
 
     def __add__(self, other: AllanSums) -> AllanSums:
         """Return the sums of both, which have to be of one rate and as many channels."""

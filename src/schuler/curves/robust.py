@@ -24,21 +24,11 @@ _LARGEST_SAMPLE = 200_000
 
 @dataclass(frozen=True, slots=True)
 class BiweightTuning:
-    """Constants of the biweight for one efficiency.
+    """Constants of the biweight for one efficiency."""
 
-    Parameters
-    ----------
-    cut : float
-        c in units of the scale.
-    consistency : float
-        kappa = E w r²/E w at the normal.
-    efficiency : float
-        Of the variance at the normal, against the mean square.
-    """
-
-    cut: float
-    consistency: float
-    efficiency: float
+    cut: float  # c in units of the scale
+    consistency: float  # kappa = E w r²/E w at the normal
+    efficiency: float  # of the variance at the normal, against the mean square
 
 
 def _tuning(cut: float) -> BiweightTuning:

@@ -22,27 +22,13 @@ SEGMENT = 1 << 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectrumSums:
-    """Squared transforms of Welch's segments of one or more stretches of a signal.
+    """Squared transforms of Welch's segments of one or more stretches of a signal."""
 
-    Parameters
-    ----------
-    power : (segment // 2 + 1, m) ndarray
-        Sums over the segments.
-    segments : int
-        How many.
-    segment : int
-        Samples of each.
-    rate : float
-        Samples a second.
-    samples : int
-        Of all stretches.
-    """
-
-    power: FloatArray
-    segments: int
-    segment: int
-    rate: float
-    samples: int
+    power: FloatArray  # (segment // 2 + 1, m): sums over the segments
+    segments: int  # how many
+    segment: int  # samples of each
+    rate: float  # samples a second
+    samples: int  # of all stretches
 
     def __add__(self, other: SpectrumSums) -> SpectrumSums:
         """Return the sums of both, which have to be of one rate, segment and as many channels."""

@@ -17,27 +17,20 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AllanEffect(ToDict):
-    """Allan curves before and after, on the same cluster times.
-
-    Parameters
-    ----------
-    raw, denoised : AllanCurve
-        Of the record and of what is left of it.
-    attenuated_below : float
-        2**level sample intervals in s: for shorter clusters the deviation falls.
-    equal_above : float
-        5 * 2**level sample intervals in s: for longer ones it stays as it was to 3 %, N included
-        (at 4 * 2**level white noise is still 3.6 % down).
-    """
+    """Allan curves before and after, on the same cluster times."""
 
     JSON = (
         "tau_s=raw.tau raw=raw.deviation denoised=denoised.deviation ratio "
         "attenuated_below_s=attenuated_below equal_above_s=equal_above findings"
     )
 
+    # raw, denoised: of the record and of what is left of it
     raw: AllanCurve
     denoised: AllanCurve
+    # 2**level sample intervals in s: for shorter clusters the deviation falls
     attenuated_below: float
+    # 5 * 2**level sample intervals in s: for longer ones it stays as it was to 3 %, N included (at
+    # 4 * 2**level white noise is still 3.6 % down)
     equal_above: float
 
     @property

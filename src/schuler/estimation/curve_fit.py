@@ -45,30 +45,14 @@ _RULES = Rules(gain=(1e-5, 1e-3), hold=False)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurvePoints:
-    """Some points of an Allan curve, ready for a fit.
+    """Some points of an Allan curve, ready for a fit."""
 
-    Parameters
-    ----------
-    tau : (t,) ndarray
-        Cluster times in s.
-    variance : (t,) ndarray
-        Allan variances.
-    factors : (t,) ndarray of int
-        Samples in a cluster.
-    samples : int
-        Length of the record.
-    dt : float
-        Sample interval in s.
-    degrees_of_freedom : (t,) ndarray
-        Of the curve, as first weights.
-    """
-
-    tau: FloatArray
-    variance: FloatArray
-    factors: NDArray[np.int64]
-    samples: int
-    dt: float
-    degrees_of_freedom: FloatArray
+    tau: FloatArray  # (t,): cluster times in s
+    variance: FloatArray  # (t,): Allan variances
+    factors: NDArray[np.int64]  # (t,): samples in a cluster
+    samples: int  # length of the record
+    dt: float  # sample interval in s
+    degrees_of_freedom: FloatArray  # (t,): of the curve, as first weights
 
     @property
     def duration(self) -> float:
@@ -118,24 +102,12 @@ def scattering(process: Process) -> Process:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scatter:
-    """How the points of a curve scatter about the truth, in the logarithm of the variance.
+    """How the points of a curve scatter about the truth, in the logarithm of the variance."""
 
-    Parameters
-    ----------
-    sampling : (t, t) ndarray
-        Covariance that comes from the finite record.
-    bias : (t,) ndarray
-        Mean of the logarithm of a chi-square over its degrees of freedom.
-    discrepancy : float
-        Standard deviation by which no model of this family can be better.
-    whitener : (t, t) ndarray
-        Lower triangular W with W (sampling + discrepancy² I) W' = I.
-    """
-
-    sampling: FloatArray
-    bias: FloatArray
-    discrepancy: float
-    whitener: FloatArray
+    sampling: FloatArray  # (t, t): covariance that comes from the finite record
+    bias: FloatArray  # (t,): mean of the logarithm of a chi-square over its degrees of freedom
+    discrepancy: float  # standard deviation by which no model of this family can be better
+    whitener: FloatArray  # (t, t): lower triangular W with W (sampling + discrepancy² I) W' = I
 
     @classmethod
     def of(cls, relative: FloatArray, loading: float = 0.0, discrepancy: float = 0.0) -> Scatter:
@@ -166,14 +138,9 @@ def scatter_of(process: Process, points: CurvePoints, discrepancy: float = 0.0) 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StructureFit(FittedParts):
-    """The best parameters of one structure, the cost being the whitened misfit.
+    """The best parameters of one structure, the cost being the whitened misfit."""
 
-    Parameters
-    ----------
-    residuals : (t,) ndarray
-        Logarithm of measured over modelled variance, bias of the logarithm taken off.
-    """
-
+    # (t,): logarithm of measured over modelled variance, bias of the logarithm taken off
     residuals: FloatArray
 
 

@@ -30,35 +30,7 @@ _RULES = Rules(iterations=30, damping=1e-9, longest=0.7, ridge=1e-12, gain=(1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GaussMarkovCorrelation(ToDict):
-    """White noise and one Gauss-Markov noise fitted to an autocovariance.
-
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation of the Gauss-Markov noise, in the unit of the signal.
-    correlation_time : float
-        Tc in s.
-    white_variance : float
-        Spike at lag 0: variance of the white part of a sample.
-    standard_errors : dict of str to float
-        Of "sigma", "correlation_time" and "white_variance".
-    sampling_error : float
-        sqrt(2 Tc/T), the relative standard deviation of the variance of Gauss-Markov noise that
-        was recorded for T (spec 2.1): no method gets below it.
-    misfit : float
-        Chi-square of the fit.
-    degrees_of_freedom : int
-        Lags less parameters.
-    p_value : float
-        Probability of a misfit as large if the correlation is exponential.
-    lag : (k,) ndarray
-        Lags in s that were fitted.
-    rate : float
-        Samples a second.
-    flags : tuple of str
-        "not exponential", "record too short" (less than 20 correlation times), "at the end of the
-        lags" (Tc is as long as the search reached), "white part not resolved".
-    """
+    """White noise and one Gauss-Markov noise fitted to an autocovariance."""
 
     JSON = (
         "sigma correlation_time_s=correlation_time white_variance standard_errors "
@@ -66,16 +38,20 @@ class GaussMarkovCorrelation(ToDict):
         "flags"
     )
 
-    sigma: float
-    correlation_time: float
-    white_variance: float
-    standard_errors: dict[str, float]
+    sigma: float  # standard deviation of the Gauss-Markov noise, in the unit of the signal
+    correlation_time: float  # tc in s
+    white_variance: float  # spike at lag 0: variance of the white part of a sample
+    standard_errors: dict[str, float]  # of "sigma", "correlation_time" and "white_variance"
+    # sqrt(2 Tc/T), the relative standard deviation of the variance of Gauss-Markov noise that was
+    # recorded for T (spec 2.1): no method gets below it
     sampling_error: float
-    misfit: float
-    degrees_of_freedom: int
-    p_value: float
-    lag: FloatArray
-    rate: float
+    misfit: float  # Chi-square of the fit
+    degrees_of_freedom: int  # lags less parameters
+    p_value: float  # probability of a misfit as large if the correlation is exponential
+    lag: FloatArray  # (k,): lags in s that were fitted
+    rate: float  # samples a second
+    # "not exponential", "record too short" (less than 20 correlation times), "at the end of the
+    # lags" (Tc is as long as the search reached), "white part not resolved"
     flags: tuple[str, ...]
 
     @property

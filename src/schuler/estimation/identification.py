@@ -29,34 +29,18 @@ CLOSE = 6.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitDiagnostics:
-    """How well the model describes the curve.
+    """How well the model describes the curve."""
 
-    Parameters
-    ----------
-    chi_square : float
-        Misfit, points being correlated as the model says.
-    degrees_of_freedom : int
-        Points less parameters.
-    discrepancy : float
-        Relative standard deviation (of the Allan deviation) that had to be granted to every
-        point because no sum of these processes fits better; 0 when the misfit is pure chance.
-    tau : (t,) ndarray
-        Cluster times of the fit in s.
-    residuals : (t,) ndarray
-        ln(measured/model) of the deviation.
-    candidates : mapping of str to float
-        Criterion (smaller is better) of the structures that were compared.
-    converged : bool
-        The fit ended by itself.
-    """
-
-    chi_square: float
-    degrees_of_freedom: int
+    chi_square: float  # misfit, points being correlated as the model says
+    degrees_of_freedom: int  # points less parameters
+    # relative standard deviation (of the Allan deviation) that had to be granted to every point
+    # because no sum of these processes fits better; 0 when the misfit is pure chance.
     discrepancy: float
-    tau: FloatArray
-    residuals: FloatArray
+    tau: FloatArray  # (t,): cluster times of the fit in s
+    residuals: FloatArray  # (t,): ln(measured/model) of the deviation
+    # criterion (smaller is better) of the structures that were compared
     candidates: Mapping[str, float]
-    converged: bool
+    converged: bool  # the fit ended by itself
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -39,24 +39,12 @@ PLATEAU = "plateau of the sum of Gauss-Markov noises: its highest Allan deviatio
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """One coefficient, SI.
+    """One coefficient, SI."""
 
-    Parameters
-    ----------
-    value : float or None
-        Fitted; None where the term is not in the model.
-    standard_error : float or None
-        Of it.
-    upper_limit : float or None
-        95 %, where the term was looked for and not found.
-    note : str
-        How it came about, where that is not plain.
-    """
-
-    value: float | None = None
-    standard_error: float | None = None
-    upper_limit: float | None = None
-    note: str = ""
+    value: float | None = None  # fitted; None where the term is not in the model.
+    standard_error: float | None = None  # of it
+    upper_limit: float | None = None  # 95 %, where the term was looked for and not found
+    note: str = ""  # how it came about, where that is not plain
 
 
 def ieee952_of(
@@ -120,9 +108,11 @@ class ClassicalReading:
         Share of the variance at that point that the model gives to flicker or Gauss-Markov noise.
     """
 
-    flat_run: float | None
+    flat_run: float | None  # longest flat run over 0.664
+    # lowest point over 0.664, an upper bound of B even where there is no flicker at all
     minimum: float
-    minimum_at: float
+    minimum_at: float  # its cluster time in s
+    # share of the variance at that point that the model gives to flicker or Gauss-Markov noise
     flicker_share: float
 
 

@@ -26,24 +26,12 @@ LADDER = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 1e2, 1e4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slopes(Generic[State]):
-    """What a problem answers at one place.
+    """What a problem answers at one place."""
 
-    Parameters
-    ----------
-    value : float
-        To be made small.
-    pull : (p,) ndarray
-        Minus half its gradient.
-    curvature : (p, p) ndarray
-        Half its second derivatives, or what stands for them.
-    state : State
-        Whatever the caller wants to have back at the end.
-    """
-
-    value: float
-    pull: FloatArray
-    curvature: FloatArray
-    state: State
+    value: float  # to be made small
+    pull: FloatArray  # (p,): minus half its gradient
+    curvature: FloatArray  # (p, p): half its second derivatives, or what stands for them
+    state: State  # whatever the caller wants to have back at the end
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,42 +50,24 @@ class Minimum(Generic[State]):
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """How a climb steps and when it ends.
+    """How a climb steps and when it ends."""
 
-    Parameters
-    ----------
-    iterations : int
-        Steps and failed steps.
-    damping, least, most : float
-        First damping; it falls tenfold with every success down to `least`, and grows tenfold with
-        every failure up to `most`, beyond which nothing can be gained.
-    longest : float
-        Largest change of one parameter in one step.
-    floor, ridge : float
-        Least diagonal of the curvature, and a damping that is always there.
-    gain : tuple of (float, float)
-        The climb ends when a step gains less than gain[0] (1 + gain[1] value).
-    close : float
-        It also ends when the pull promises less than this; 0: not looked at.
-    rounding : float
-        A step may lose so much of the value to rounding.
-    hold : bool
-        Parameters at a bound that pull beyond it are held there.
-    ladder : bool
-        Every step begins undamped and is damped only as far as needed; strict descent.
-    """
-
-    iterations: int = 60
+    iterations: int = 60  # steps and failed steps
+    # damping, least, most: first damping; it falls tenfold with every success down to `least`, and
+    # grows tenfold with every failure up to `most`, beyond which nothing can be gained.
     damping: float = 1e-2
     least: float = 1e-9
     most: float = 1e10
-    longest: float = 1.5
+    longest: float = 1.5  # largest change of one parameter in one step
+    # floor, ridge: least diagonal of the curvature, and a damping that is always there
     floor: float = 1e-8
     ridge: float = 0.0
+    # the climb ends when a step gains less than gain[0] (1 + gain[1] value)
     gain: tuple[float, float] = (0.0, 0.0)
-    close: float = 0.0
-    rounding: float = 0.0
-    hold: bool = True
+    close: float = 0.0  # it also ends when the pull promises less than this; 0: not looked at.
+    rounding: float = 0.0  # a step may lose so much of the value to rounding
+    hold: bool = True  # parameters at a bound that pull beyond it are held there
+    # every step begins undamped and is damped only as far as needed; strict descent.
     ladder: bool = False
 
 

@@ -36,27 +36,13 @@ _VANISHED = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedParts:
-    """The best parameters of one structure.
+    """The best parameters of one structure."""
 
-    Parameters
-    ----------
-    parts : tuple of Process
-        Fitted.
-    names : tuple of (int, str)
-        Part and field of every free parameter.
-    log_covariance : (p, p) ndarray
-        Covariance of the logarithms of the free parameters.
-    cost : float
-        What was made small: misfit or deviance.
-    converged : bool
-        The iteration ended by itself.
-    """
-
-    parts: tuple[Process, ...]
-    names: Names
-    log_covariance: FloatArray
-    cost: float
-    converged: bool
+    parts: tuple[Process, ...]  # fitted
+    names: Names  # part and field of every free parameter
+    log_covariance: FloatArray  # (p, p): covariance of the logarithms of the free parameters
+    cost: float  # what was made small: misfit or deviance
+    converged: bool  # the iteration ended by itself
 
     @property
     def process(self) -> ProcessSum:
@@ -107,27 +93,14 @@ def log_bounds(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terms:
-    """A structure over the points of a curve; what only grows with its size is drawn up once.
+    """A structure over the points of a curve; what only grows with its size is drawn up once."""
 
-    Parameters
-    ----------
-    parts : tuple of Process
-        The structure.
-    names : tuple of (int, str)
-        Part and field of every free parameter.
-    shape : callable
-        What a process puts into every point.
-    known : tuple of (t,) ndarray
-        That of the parts of which nothing but the size is free, at size one; None for others.
-    sizes : tuple of str
-        Name of the size of every part.
-    """
-
-    parts: tuple[Process, ...]
-    names: Names
-    shape: Shape
+    parts: tuple[Process, ...]  # the structure
+    names: Names  # part and field of every free parameter
+    shape: Shape  # what a process puts into every point
+    # that of the parts of which nothing but the size is free, at size one; None for others.
     known: tuple[FloatArray | None, ...]
-    sizes: tuple[str, ...]
+    sizes: tuple[str, ...]  # name of the size of every part
 
     @classmethod
     def of(cls, parts: Sequence[Process], names: Names, shape: Shape) -> Terms:

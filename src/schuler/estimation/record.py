@@ -14,46 +14,23 @@ WANTED_ERROR = 0.10
 
 @dataclass(frozen=True, slots=True)
 class ParameterVerdict:
-    """How well one parameter is known, and how long it would take to know it well.
+    """How well one parameter is known, and how long it would take to know it well."""
 
-    Parameters
-    ----------
-    parameter : str
-        Such as "gauss_markov.correlation_time".
-    relative_error : float
-        Standard error over value.
-    wanted_duration : float
-        Seconds of record for a relative error of 10 %, as errors shrink with the square root.
-    enough : bool
-        The relative error is at most 10 %.
-    """
-
-    parameter: str
-    relative_error: float
+    parameter: str  # such as "gauss_markov.correlation_time"
+    relative_error: float  # standard error over value
+    # seconds of record for a relative error of 10 %, as errors shrink with the square root
     wanted_duration: float
-    enough: bool
+    enough: bool  # the relative error is at most 10 %
 
 
 @dataclass(frozen=True, slots=True)
 class RecordVerdict(ToDict):
-    """The length of the record against what its parameters need.
+    """The length of the record against what its parameters need."""
 
-    Parameters
-    ----------
-    duration : float
-        Seconds recorded.
-    wanted_duration : float
-        Seconds for 10 % on every parameter.
-    parameters : tuple of ParameterVerdict
-        One for every fitted parameter.
-    text : str
-        The same for people.
-    """
-
-    duration: float
-    wanted_duration: float
-    parameters: tuple[ParameterVerdict, ...]
-    text: str
+    duration: float  # seconds recorded
+    wanted_duration: float  # seconds for 10 % on every parameter
+    parameters: tuple[ParameterVerdict, ...]  # one for every fitted parameter
+    text: str  # the same for people
 
     @property
     def enough(self) -> bool:

@@ -43,24 +43,12 @@ class Fitter(Protocol[Found_co]):
 
 @dataclass(frozen=True, slots=True)
 class Choice(Generic[Found]):
-    """A choice among structures of one curve.
+    """A choice among structures of one curve."""
 
-    Parameters
-    ----------
-    fit : Fitter
-        Fits a structure.
-    start : callable
-        Gives a process of unit size one below the curve.
-    singles : tuple of Process
-        Terms that occur once at most, of unit size, white noise last.
-    times : (k,) ndarray
-        Correlation times from which Gauss-Markov noises start.
-    """
-
-    fit: Fitter[Found]
-    start: Callable[[Process], Process]
-    singles: tuple[Process, ...]
-    times: FloatArray
+    fit: Fitter[Found]  # fits a structure
+    start: Callable[[Process], Process]  # gives a process of unit size one below the curve
+    singles: tuple[Process, ...]  # terms that occur once at most, of unit size, white noise last
+    times: FloatArray  # (k,): correlation times from which Gauss-Markov noises start
 
     def run(self) -> tuple[Found, dict[str, float]]:
         """Find the sum of processes with the smallest criterion, and what else was tried."""

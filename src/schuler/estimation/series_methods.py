@@ -34,18 +34,10 @@ CHOOSING_SAMPLES = 24_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArGarchFit(ToDict):
-    """An autoregressive model for the mean, GARCH for the variance of what it leaves.
+    """An autoregressive model for the mean, GARCH for the variance of what it leaves."""
 
-    Parameters
-    ----------
-    ar : ArFit
-        Of the signal.
-    garch : GarchFit
-        Of its one-step errors.
-    """
-
-    ar: ArFit
-    garch: GarchFit
+    ar: ArFit  # of the signal
+    garch: GarchFit  # of its one-step errors
 
     def residuals(self, signal: FloatArray) -> FloatArray:
         """One-step errors of the AR model, in u."""

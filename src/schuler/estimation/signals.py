@@ -87,26 +87,14 @@ _NARROWEST, _WIDEST = 1e-140, 1e140
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """A centred signal in a unit near its own standard deviation.
+    """A centred signal in a unit near its own standard deviation."""
 
-    Parameters
-    ----------
-    values : (n,) ndarray
-        (signal - offset)/scale, contiguous.
-    offset : float
-        What was taken off: the mean, or zero.
-    scale : float
-        A power of two, so that scaling rounds nothing and results do not depend on the unit.
-    mean : float
-        Mean of the signal.
-    rounding : float
-        Mean squared rounding of the samples in units of scale²: less cannot be resolved.
-    """
-
-    values: FloatArray
-    offset: float
+    values: FloatArray  # (n,): (signal - offset)/scale, contiguous
+    offset: float  # what was taken off: the mean, or zero
+    # a power of two, so that scaling rounds nothing and results do not depend on the unit
     scale: float
-    mean: float
+    mean: float  # mean of the signal
+    # mean squared rounding of the samples in units of scale²: less cannot be resolved
     rounding: float
 
 

@@ -23,42 +23,24 @@ _REACH = 0.125
 
 @dataclass(frozen=True, slots=True)
 class SlopeReading(ToDict):
-    """One parameter read off a straight run.
+    """One parameter read off a straight run."""
 
-    Parameters
-    ----------
-    value : float
-        N, B or K in SI.
-    start, stop : float
-        Cluster times in s between which the run was fitted.
-    relative_error : float
-        1/sqrt(2 (T/tau - 1)) at the right end of the run: S004 (15), which is for clusters that
-        do not overlap.
-    """
-
-    value: float
+    value: float  # N, B or K in SI
+    # start, stop: cluster times in s between which the run was fitted
     start: float
     stop: float
+    # 1/sqrt(2 (T/tau - 1)) at the right end of the run: S004 (15), which is for clusters that do
+    # not overlap
     relative_error: float
 
 
 @dataclass(frozen=True, slots=True)
 class SlopeReadings(ToDict):
-    """What the slope method finds; None where the curve has no such run.
+    """What the slope method finds; None where the curve has no such run."""
 
-    Parameters
-    ----------
-    white_noise : SlopeReading or None
-        N, the line of slope -1/2 at 1 s.
-    bias_instability : SlopeReading or None
-        B, the level of the flat run over 0.66428.
-    random_walk : SlopeReading or None
-        K, the line of slope +1/2 at 3 s.
-    """
-
-    white_noise: SlopeReading | None
-    bias_instability: SlopeReading | None
-    random_walk: SlopeReading | None
+    white_noise: SlopeReading | None  # N, the line of slope -1/2 at 1 s
+    bias_instability: SlopeReading | None  # B, the level of the flat run over 0.66428
+    random_walk: SlopeReading | None  # K, the line of slope +1/2 at 3 s
 
 
 def slope_method(curve: AllanCurve) -> SlopeReadings:

@@ -33,44 +33,25 @@ EXPLAINED = 1.0 / 3.0
 
 @dataclass(frozen=True, slots=True)
 class RelativeError(ToDict):
-    """How far apart two moments come out, against how far apart they were.
+    """How far apart two moments come out, against how far apart they were."""
 
-    Parameters
-    ----------
-    over : float
-        Seconds or metres between the two moments.
-    unit : {"s", "m"}
-        Of `over`.
-    pairs : int
-        Pairs of moments; neighbours share most of their way.
-    rms_m, worst_m : float
-        Length of the difference.
-    rms_rad : float
-        Angle of the difference; NaN where attitude is not known.
-    """
-
-    over: float
-    unit: str
-    pairs: int
+    over: float  # seconds or metres between the two moments
+    unit: str  # of `over`
+    pairs: int  # pairs of moments; neighbours share most of their way.
+    # rms_m, worst_m: length of the difference
     rms_m: float
     worst_m: float
-    rms_rad: float
+    rms_rad: float  # angle of the difference; NaN where attitude is not known.
 
 
 @dataclass(frozen=True, slots=True)
 class WindowError(ToDict):
-    """Horizontal error within a stretch of time.
+    """Horizontal error within a stretch of time."""
 
-    Parameters
-    ----------
-    start_s, duration_s : float
-        Seconds after the first common moment, and length.
-    max_m, mean_m, end_m : float
-        Horizontal error.
-    """
-
+    # start_s, duration_s: seconds after the first common moment, and length
     start_s: float
     duration_s: float
+    # max_m, mean_m, end_m: horizontal error
     max_m: float
     mean_m: float
     end_m: float
@@ -78,22 +59,14 @@ class WindowError(ToDict):
 
 @dataclass(frozen=True, slots=True)
 class TimeShift(ToDict):
-    """A shift of the clock that explains much of an error: it lies along the velocity.
+    """A shift of the clock that explains much of an error: it lies along the velocity."""
 
-    Parameters
-    ----------
-    offset_s, sd_s : float
-        Seconds to add to the time of the reference besides what was added, and how sure.
-    explained : float
-        Share of the squared error.
-    remaining_m : float
-        Root mean square of what is left, m.
-    """
-
+    # offset_s, sd_s: seconds to add to the time of the reference besides what was added, and how
+    # sure
     offset_s: float
     sd_s: float
-    explained: float
-    remaining_m: float
+    explained: float  # share of the squared error
+    remaining_m: float  # root mean square of what is left, m
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,31 +24,16 @@ LONGEST_STEP = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """A track and its reference at the same moments, in metres about the first of them.
+    """A track and its reference at the same moments, in metres about the first of them."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds of the reference.
-    truth, estimate : (n, 3) ndarray
-        North, east, down.
-    rows : (n,) ndarray of int
-        The nearest rows of the track.
-    truth_rows : (n,) ndarray of int
-        The nearest rows of the reference.
-    turn : (3, 3) ndarray
-        What the vectors of the track were turned by.
-    notes : tuple of str
-        What was done and what limits the comparison.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (n,): seconds of the reference
+    # truth, estimate: (n, 3) north, east, down
     truth: FloatArray
     estimate: FloatArray
-    rows: IntArray
-    truth_rows: IntArray
-    turn: FloatArray
-    notes: tuple[str, ...]
+    rows: IntArray  # (n,): the nearest rows of the track
+    truth_rows: IntArray  # (n,): the nearest rows of the reference
+    turn: FloatArray  # (3, 3): what the vectors of the track were turned by
+    notes: tuple[str, ...]  # what was done and what limits the comparison
 
 
 def pair_tracks(track: Track, truth: Track, align: Align = "auto") -> Pair:

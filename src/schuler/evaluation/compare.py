@@ -20,21 +20,11 @@ LEFT_OUT = {"provenance"}
 
 @dataclass(frozen=True, slots=True)
 class ComparedValue(ToDict):
-    """One number of all results.
+    """One number of all results."""
 
-    Parameters
-    ----------
-    key : str
-        Where it stands in a result, its parts joined by dots.
-    values : tuple of float
-        By result; NaN where it has none.
-    errors : tuple of float
-        Standard errors; NaN where none is told.
-    """
-
-    key: str
-    values: tuple[float, ...]
-    errors: tuple[float, ...]
+    key: str  # where it stands in a result, its parts joined by dots
+    values: tuple[float, ...]  # by result; NaN where it has none.
+    errors: tuple[float, ...]  # standard errors; NaN where none is told.
 
     @property
     def change(self) -> float:

@@ -45,23 +45,14 @@ METRICS: dict[Metric, str] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelOutages:
-    """One error model through all windows of all repetitions.
+    """One error model through all windows of all repetitions."""
 
-    Parameters
-    ----------
-    model : ErrorModel
-        What the filter was told.
-    causal : tuple of OutageStatistics
-        One for every repetition: a drive, or a draw of the noise.
-    smoothed : tuple of OutageStatistics
-        The same of the smoother; empty if it was not run.
-    nis : tuple of float
-        Normalised innovations squared over their degrees of freedom, by repetition.
-    """
-
-    model: ErrorModel
+    model: ErrorModel  # what the filter was told
+    # one for every repetition: a drive, or a draw of the noise
     causal: tuple[OutageStatistics, ...]
+    # the same of the smoother; empty if it was not run.
     smoothed: tuple[OutageStatistics, ...] = ()
+    # normalised innovations squared over their degrees of freedom, by repetition
     nis: tuple[float, ...] = ()
 
     @property

@@ -44,32 +44,18 @@ COMPONENTS = ("N", "E", "D", "vN", "vE", "vD", "roll", "pitch", "heading")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MechanizationResult:
-    """What one mechanization came to.
+    """What one mechanization came to."""
 
-    Parameters
-    ----------
-    label : str
-        For people: "synthetic", "imu 2 alone".
-    mechanization : str
-        One of `MECHANIZATIONS`.
-    navigation : ArrayNavigation
-        Solution and all that belongs to it.
-    rms, largest : (9,) ndarray
-        Errors against the truth, by `COMPONENTS`; NaN without truth.
-    claimed : (9,) ndarray
-        Root mean square of the standard deviations over the same samples; the attitude about
-        north, east and down.
-    outages : OutageStatistics or None
-        At the epochs that were withheld.
-    """
-
-    label: str
-    mechanization: Mechanization
-    navigation: ArrayNavigation
+    label: str  # for people: "synthetic", "imu 2 alone"
+    mechanization: Mechanization  # one of `MECHANIZATIONS`
+    navigation: ArrayNavigation  # solution and all that belongs to it
+    # rms, largest: (9,) errors against the truth, by `COMPONENTS`; NaN without truth.
     rms: FloatArray
     largest: FloatArray
+    # (9,): root mean square of the standard deviations over the same samples; the attitude about
+    # north, east and down.
     claimed: FloatArray
-    outages: OutageStatistics | None
+    outages: OutageStatistics | None  # at the epochs that were withheld
 
     @property
     def solution(self) -> NavigationSolution:

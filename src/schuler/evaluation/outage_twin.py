@@ -89,21 +89,11 @@ class OutageTwin(Exportable):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TwinDraw:
-    """One repetition: what was measured, and how the filter starts.
+    """One repetition: what was measured, and how the filter starts."""
 
-    Parameters
-    ----------
-    imu : ImuRecording
-        With errors.
-    gnss : GnssRecording
-        Without the outages.
-    alignment : Alignment
-        Truth and a draw.
-    """
-
-    imu: ImuRecording
-    gnss: GnssRecording
-    alignment: Alignment
+    imu: ImuRecording  # with errors
+    gnss: GnssRecording  # without the outages
+    alignment: Alignment  # truth and a draw
 
 
 def outage_twin(

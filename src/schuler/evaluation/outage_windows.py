@@ -32,43 +32,27 @@ LONGEST_STEP = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutageWindow(ToDict):
-    """One outage, judged at every epoch that was withheld.
-
-    Parameters
-    ----------
-    start_s, duration_s : float
-        Seconds after the first GNSS epoch, and length.
-    max_m, mean_m : float
-        Horizontal error.
-    claimed_sd_m : float
-        Claimed horizontal standard deviation (root of the sum of both variances) where the error
-        is largest.
-    within_2_sigma : float
-        Share of epochs inside the 95.4 % ellipse of the claimed covariance.
-    time : (k,) ndarray
-        Seconds after the first GNSS epoch.
-    error_ned : (k, 3) ndarray
-        Solution minus GNSS at the antenna, m.
-    covariance : (k, 2, 2) ndarray
-        Claimed, north and east, GNSS's own included, m².
-    floor : (k,) ndarray or None
-        What white noise alone does, see `white_noise_floor`, m; None: not asked for.
-    """
+    """One outage, judged at every epoch that was withheld."""
 
     JSON = (
         "start_s duration_s max_m mean_m rms_m end_m claimed_sd_m end_claimed_sd_m "
         "white_noise_floor_m=floor_m within_2_sigma"
     )
 
+    # start_s, duration_s: seconds after the first GNSS epoch, and length
     start_s: float
     duration_s: float
+    # max_m, mean_m: horizontal error
     max_m: float
     mean_m: float
+    # claimed horizontal standard deviation (root of the sum of both variances) where the error is
+    # largest
     claimed_sd_m: float
-    within_2_sigma: float
-    time: FloatArray
-    error_ned: FloatArray
-    covariance: FloatArray
+    within_2_sigma: float  # share of epochs inside the 95.4 % ellipse of the claimed covariance
+    time: FloatArray  # (k,): seconds after the first GNSS epoch
+    error_ned: FloatArray  # (k, 3): solution minus GNSS at the antenna, m
+    covariance: FloatArray  # (k, 2, 2): claimed, north and east, GNSS's own included, m²
+    # (k,): what white noise alone does, see `white_noise_floor`, m; None: not asked for.
     floor: FloatArray | None = None
 
     @property

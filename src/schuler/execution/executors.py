@@ -42,21 +42,12 @@ class InProcess(Executor):
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """How executors are made, and how much work may wait in them.
+    """How executors are made, and how much work may wait in them."""
 
-    Parameters
-    ----------
-    start : callable
-        Returns a context in which an executor works; called again when one has broken down.
-    ahead : int
-        So many pieces of work are handed over before the first has to be done.
-    words : str
-        Who they are.
-    """
-
+    # returns a context in which an executor works; called again when one has broken down.
     start: Callable[[], AbstractContextManager[Executor]]
-    ahead: int
-    words: str
+    ahead: int  # so many pieces of work are handed over before the first has to be done
+    words: str  # who they are
 
 
 def one_thread() -> None:

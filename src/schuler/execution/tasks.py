@@ -37,21 +37,12 @@ class Store(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One piece of work.
+    """One piece of work."""
 
-    Parameters
-    ----------
-    key : str
-        Its name, which is also the name of its file.
-    function : callable
-        At the top of a module, because other processes find it by name.
-    arguments : tuple
-        For the function; plain values.
-    """
-
-    key: str
+    key: str  # its name, which is also the name of its file
+    # at the top of a module, because other processes find it by name
     function: Callable[..., Found]
-    arguments: tuple[Any, ...] = ()
+    arguments: tuple[Any, ...] = ()  # for the function; plain values.
 
 
 def run_tasks(

@@ -37,14 +37,9 @@ _SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How fast a sensor can be sampled.
+    """How fast a sensor can be sampled."""
 
-    Parameters
-    ----------
-    slowest, fastest : float
-        Samples a second.
-    """
-
+    # slowest, fastest: samples a second
     slowest: float
     fastest: float
 

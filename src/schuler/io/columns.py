@@ -150,21 +150,11 @@ _MEASURES = ("angular rate", "acceleration", "angle", "velocity", "length", "tim
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column whose meaning was found.
+    """A column whose meaning was found."""
 
-    Parameters
-    ----------
-    role : str
-        What it is, e.g. "gyro_x".
-    name : str
-        Its name in the file.
-    unit : str
-        Its unit as written; empty when the file does not say.
-    """
-
-    role: str
-    name: str
-    unit: str
+    role: str  # what it is, e.g. "gyro_x".
+    name: str  # its name in the file
+    unit: str  # its unit as written; empty when the file does not say.
 
 
 @lru_cache(1024)

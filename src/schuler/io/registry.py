@@ -24,24 +24,12 @@ _NOISE = "schuler.io.noise_forms."
 
 
 class _Reader(NamedTuple):
-    """A module of formats that are read, and what a file must show before it is asked.
+    """A module of formats that are read, and what a file must show before it is asked."""
 
-    Parameters
-    ----------
-    module : str
-        Its name.
-    shows : bytes
-        Pattern that is found in the first bytes of all its files; empty: of none.
-    folder : bool
-        Whether its files may be folders.
-    endings : tuple of str
-        Endings of the names of all its files; empty: any.
-    """
-
-    module: str
-    shows: bytes = b""
-    folder: bool = False
-    endings: tuple[str, ...] = ()
+    module: str  # its name
+    shows: bytes = b""  # pattern that is found in the first bytes of all its files; empty: of none.
+    folder: bool = False  # whether its files may be folders
+    endings: tuple[str, ...] = ()  # endings of the names of all its files; empty: any.
 
     def may_know(self, start: Start) -> bool:
         """Tell whether a file or a folder can be one of these."""

@@ -28,24 +28,13 @@ _MAGNETOMETER = r"(?:mag|magnetometer|magneticfield|magfield|field|magnetic|b|m)
 
 @dataclass(frozen=True, slots=True)
 class SensorKind:
-    """What a file of a sensor holds: one of several quantities, and perhaps its deviation.
+    """What a file of a sensor holds: one of several quantities, and perhaps its deviation."""
 
-    Parameters
-    ----------
-    name : str
-        As it is called in messages.
-    quantities : mapping of str to (str, tuple of (str, str))
-        By name of the quantity: kind of its unit, and role and pattern of each column.
-    deviation : str
-        Pattern of the column with standard deviations.
-    example : str
-        Names of columns that are understood.
-    """
-
-    name: str
+    name: str  # as it is called in messages
+    # by name of the quantity: kind of its unit, and role and pattern of each column
     quantities: Mapping[str, tuple[str, tuple[tuple[str, str], ...]]]
-    deviation: str
-    example: str
+    deviation: str  # pattern of the column with standard deviations
+    example: str  # names of columns that are understood
 
 
 HEADINGS = SensorKind(
@@ -96,23 +85,12 @@ ODOMETERS = SensorKind(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorSeries:
-    """What a sensor measured, as it stands in a file.
+    """What a sensor measured, as it stands in a file."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds, on the clock of the file.
-    quantity : str
-        What was measured, e.g. "pressure".
-    values : (n,) or (n, 3) ndarray
-        In SI and radians.
-    sd : (n,) ndarray or None
-        Standard deviation of each, in the unit of the values; None: the file has none.
-    """
-
-    time: FloatArray
-    quantity: str
-    values: FloatArray
+    time: FloatArray  # (n,): seconds, on the clock of the file
+    quantity: str  # what was measured, e.g. "pressure".
+    values: FloatArray  # in SI and radians
+    # (n,): standard deviation of each, in the unit of the values; None: the file has none.
     sd: FloatArray | None
 
 

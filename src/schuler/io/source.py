@@ -58,67 +58,31 @@ class Source(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TextOptions:
-    """How a text file is laid out, where the user wants to say so.
+    """How a text file is laid out, where the user wants to say so."""
 
-    Parameters
-    ----------
-    delimiter : str or None
-        Character between columns; "whitespace" for any number of blanks. None: find out.
-    decimal : {".", ","} or None
-        Decimal point or comma. None: find out.
-    comment : str or None
-        Lines that begin with this are left out. None: "#", "%" and "//".
-    skip_lines : int
-        Lines left out at the beginning of the file.
-    header : bool or None
-        Whether a line with names stands above the numbers. None: find out.
-    names : tuple of str
-        Names of the columns where the file has none.
-    repair : bool
-        Leave out a last line that was cut off.
-    """
-
+    # character between columns; "whitespace" for any number of blanks. None: find out.
     delimiter: str | None = None
-    decimal: str | None = None
-    comment: str | None = None
-    skip_lines: int = 0
+    decimal: str | None = None  # decimal point or comma. None: find out.
+    comment: str | None = None  # lines that begin with this are left out. None: "#", "%" and "//".
+    skip_lines: int = 0  # lines left out at the beginning of the file
+    # whether a line with names stands above the numbers. None: find out.
     header: bool | None = None
-    names: tuple[str, ...] = ()
-    repair: bool = False
+    names: tuple[str, ...] = ()  # names of the columns where the file has none
+    repair: bool = False  # leave out a last line that was cut off
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MemorySource:
-    """Columns that are in memory already.
+    """Columns that are in memory already."""
 
-    Parameters
-    ----------
-    path : Path
-        File they come from.
-    columns : dict of str to (n,) ndarray
-        Columns of one length.
-    units : mapping of str to str
-        Unit of a column.
-    rate : float or None
-        Sampling rate in Hz.
-    history : tuple of str
-        What the reader did.
-    row_word : str
-        What one row is called in messages.
-    assumptions : tuple of str
-        What the reader took for granted.
-    first_row : int or None
-        Of a part of a file: which row of it comes first.
-    """
-
-    path: Path
-    columns: Columns
-    units: Mapping[str, str] = field(default_factory=dict)
-    rate: float | None = None
-    history: tuple[str, ...] = ()
-    row_word: str = "row"
-    assumptions: tuple[str, ...] = ()
-    first_row: int | None = None
+    path: Path  # file they come from
+    columns: Columns  # columns of one length
+    units: Mapping[str, str] = field(default_factory=dict)  # unit of a column
+    rate: float | None = None  # sampling rate in Hz
+    history: tuple[str, ...] = ()  # what the reader did
+    row_word: str = "row"  # what one row is called in messages
+    assumptions: tuple[str, ...] = ()  # what the reader took for granted
+    first_row: int | None = None  # of a part of a file: which row of it comes first
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -31,14 +31,9 @@ _COUNTS = (256.0, 512.0, 1024.0, 2048.0, 4096.0, 8192.0, 16384.0, 1365.0, 16393.
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """Which sensors were taken to be in SI although no unit is named.
+    """Which sensors were taken to be in SI although no unit is named."""
 
-    Parameters
-    ----------
-    gyro, accel : bool
-        True: nobody named a unit.
-    """
-
+    # gyro, accel: True: nobody named a unit
     gyro: bool
     accel: bool
 

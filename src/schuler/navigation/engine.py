@@ -57,51 +57,27 @@ ONE_NODE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodeStretch:
-    """Neighbouring nodes with all that the smoother needs.
+    """Neighbouring nodes with all that the smoother needs."""
 
-    Parameters
-    ----------
-    first, stop : int
-        Numbers of the first node and of the one behind the last.
-    nodes : NodeOutputs
-        Node number k in row k modulo the number of rows of each array.
-    aiding : AidingOutputs
-        Of the measurements, rows of H and gains likewise.
-    """
-
+    # first, stop: numbers of the first node and of the one behind the last
     first: int
     stop: int
-    nodes: NodeOutputs
-    aiding: AidingOutputs
+    nodes: NodeOutputs  # node number k in row k modulo the number of rows of each array
+    aiding: AidingOutputs  # of the measurements, rows of H and gains likewise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checkpoints:
-    """A run that can be computed once more, part by part.
+    """A run that can be computed once more, part by part."""
 
-    Parameters
-    ----------
-    stepper : FilterStepper
-        Of the run; its state is overwritten.
-    filter : Filter
-        The one of the run, with all that it took.
-    start : tuple of int
-        First sample of every part, and the number of samples.
-    nodes : tuple of int
-        Nodes made before every part, and in all.
-    memories, counters : tuple of ndarray
-        Of the filter's state before every part.
-    stretches : SensorStretches or None
-        Where it changes how sensor errors show.
-    """
-
-    stepper: FilterStepper
-    filter: Filter
-    start: tuple[int, ...]
-    nodes: tuple[int, ...]
+    stepper: FilterStepper  # of the run; its state is overwritten.
+    filter: Filter  # the one of the run, with all that it took
+    start: tuple[int, ...]  # first sample of every part, and the number of samples
+    nodes: tuple[int, ...]  # nodes made before every part, and in all
+    # memories, counters: of the filter's state before every part
     memories: tuple[FloatArray, ...]
     counters: tuple[NDArray[np.int64], ...]
-    stretches: SensorStretches | None = None
+    stretches: SensorStretches | None = None  # where it changes how sensor errors show
 
     @property
     def bytes(self) -> int:
@@ -140,37 +116,20 @@ class Checkpoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterRun:
-    """Everything that one pass of the filter left behind.
+    """Everything that one pass of the filter left behind."""
 
-    Parameters
-    ----------
-    samples : SampleOutputs
-        State at every sample, if kept.
-    aiding : AidingOutputs
-        At every measurement.
-    nodes : NodeOutputs
-        At every node; without what the smoother needs where that is computed once more.
-    log_likelihood : float
-        Of the accepted measurements.
-    final : InitialState
-        The state at the end.
-    checkpoints : Checkpoints or None
-        Where to compute nodes from once more.
-    pieces : tuple of FilterRun
-        Runs that this one was joined from (navigation/segments.py), each kept by itself for the
-        smoother; usually empty.
-    breaks : tuple of (m, m) ndarray
-        Transition of the sensor states between one piece and the next; of the navigation states
-        nothing comes across.
-    """
-
-    samples: SampleOutputs
-    aiding: AidingOutputs
+    samples: SampleOutputs  # state at every sample, if kept
+    aiding: AidingOutputs  # at every measurement
+    # at every node; without what the smoother needs where that is computed once more.
     nodes: NodeOutputs
-    log_likelihood: float
-    final: InitialState
-    checkpoints: Checkpoints | None = None
+    log_likelihood: float  # of the accepted measurements
+    final: InitialState  # the state at the end
+    checkpoints: Checkpoints | None = None  # where to compute nodes from once more
+    # runs that this one was joined from (navigation/segments.py), each kept by itself for the
+    # smoother; usually empty.
     pieces: tuple[FilterRun, ...] = ()
+    # transition of the sensor states between one piece and the next; of the navigation states
+    # nothing comes across.
     breaks: tuple[FloatArray, ...] = ()
 
     @property

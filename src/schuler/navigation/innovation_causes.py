@@ -28,21 +28,11 @@ FEWEST = 60
 
 @dataclass(frozen=True, slots=True)
 class Dependence:
-    """A regression of innovations on what a cause would do.
+    """A regression of innovations on what a cause would do."""
 
-    Parameters
-    ----------
-    size : (p,) ndarray
-        Of the cause.
-    deviations : float
-        Root of its chi-square, corrected for its degrees.
-    share : float
-        Of the variance of the innovations that it explains.
-    """
-
-    size: FloatArray
-    deviations: float
-    share: float
+    size: FloatArray  # (p,): of the cause
+    deviations: float  # root of its chi-square, corrected for its degrees
+    share: float  # of the variance of the innovations that it explains
 
 
 def regression(value: FloatArray, sd: FloatArray, effect: FloatArray) -> Dependence:

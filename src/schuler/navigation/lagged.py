@@ -27,25 +27,18 @@ def lag_horizons(node_time: FloatArray, lag: float) -> IntArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaggedNodes:
-    """Neighbouring nodes smoothed each under its own horizon, with the node that follows each.
+    """Neighbouring nodes smoothed each under its own horizon, with the node that follows each."""
 
-    Parameters
-    ----------
-    moved : (k,) ndarray of bool
-        False where the horizon is the node itself: nothing was smoothed.
-    error, ahead : (k, s) ndarray
-        Error left in the filter's state at the node, and at the next one before its correction.
-    position, position_ahead : (k, 3, 3) ndarray
-        Covariances of position, m².
-    sd, sd_ahead : (k, s) ndarray
-        Standard deviations.
-    """
-
+    # (k,): False where the horizon is the node itself: nothing was smoothed
     moved: NDArray[np.bool_]
+    # error, ahead: (k, s) error left in the filter's state at the node, and at the next one before
+    # its correction
     error: FloatArray
     ahead: FloatArray
+    # position, position_ahead: (k, 3, 3) covariances of position, m²
     position: FloatArray
     position_ahead: FloatArray
+    # sd, sd_ahead: (k, s) standard deviations
     sd: FloatArray
     sd_ahead: FloatArray
 

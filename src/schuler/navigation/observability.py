@@ -364,25 +364,15 @@ def _prior_sd(model: SensorErrorModel) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gramian:
-    """What the measurements of a run say of the state at its start, noise and prior taken in.
+    """What the measurements of a run say of the state at its start, noise and prior taken in."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of the states.
-    information : (s,) ndarray
-        Eigenvalues of P0^1/2 (sum of Phi' H' R^-1 H Phi) P0^1/2, largest first: by how much the
-        measurements outweigh the prior. Below one the prior knows more.
-    directions : (s, s) ndarray
-        Eigenvectors in columns, in units of the prior standard deviations.
-    shown : (2, 3, s) ndarray
-        As in `Observability`.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the states
+    # (s,): eigenvalues of P0^1/2 (sum of Phi' H' R^-1 H Phi) P0^1/2, largest first: by how much the
+    # measurements outweigh the prior. Below one the prior knows more.
     information: FloatArray
+    # (s, s): eigenvectors in columns, in units of the prior standard deviations
     directions: FloatArray
-    shown: FloatArray
+    shown: FloatArray  # (2, 3, s): as in `Observability`
 
     @property
     def learnt(self) -> int:

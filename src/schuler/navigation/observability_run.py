@@ -35,21 +35,7 @@ MOST_DIFFERENT = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunObservability(ToDict):
-    """What a run shows of the state of its filter.
-
-    Parameters
-    ----------
-    title : str
-        Which filter.
-    matrix : Observability
-        Of the most different stretches of the run.
-    information : Gramian
-        Of the whole run, with the noise of GNSS and the prior.
-    time : (k,) ndarray
-        Seconds since the start.
-    decay : (k, s) ndarray
-        Standard deviations of the filter as shares of those at the start.
-    """
+    """What a run shows of the state of its filter."""
 
     JSON = (
         "title rank=matrix.rank practical_rank=matrix.practical_rank "
@@ -58,11 +44,11 @@ class RunObservability(ToDict):
         "sentences"
     )
 
-    title: str
-    matrix: Observability
-    information: Gramian
-    time: FloatArray
-    decay: FloatArray
+    title: str  # which filter
+    matrix: Observability  # of the most different stretches of the run
+    information: Gramian  # of the whole run, with the noise of GNSS and the prior
+    time: FloatArray  # (k,): seconds since the start
+    decay: FloatArray  # (k, s): standard deviations of the filter as shares of those at the start
 
     def sentences(self) -> tuple[str, ...]:
         """Say in words what the run shows and what it does not."""

@@ -35,20 +35,11 @@ DOMINANT = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MissingCovariance:
-    """What a filter does not know of itself.
+    """What a filter does not know of itself."""
 
-    Parameters
-    ----------
-    time : (m,) ndarray
-        Seconds.
-    position : (m, 3, 3) ndarray
-        North, east, down, m².
-    velocity, attitude : (m, 3) ndarray
-        Variances.
-    """
-
-    time: FloatArray
-    position: FloatArray
+    time: FloatArray  # (m,): seconds
+    position: FloatArray  # (m, 3, 3): north, east, down, m²
+    # velocity, attitude: (m, 3) variances
     velocity: FloatArray
     attitude: FloatArray
 

@@ -41,27 +41,13 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NavigationRun:
-    """A causal solution, its smoothed twins if asked for, and the setup of all.
+    """A causal solution, its smoothed twins if asked for, and the setup of all."""
 
-    Parameters
-    ----------
-    causal : NavigationSolution
-        Of the filter.
-    smoothed : NavigationSolution or None
-        By the whole recording.
-    setup : RunSetup
-        Of all.
-    filter : FilterRun
-        What the filter left behind.
-    lagged : NavigationSolution or None
-        By measurements up to a fixed lag after each sample.
-    """
-
-    causal: NavigationSolution
-    smoothed: NavigationSolution | None
-    setup: RunSetup
-    filter: FilterRun
-    lagged: NavigationSolution | None = None
+    causal: NavigationSolution  # of the filter
+    smoothed: NavigationSolution | None  # by the whole recording
+    setup: RunSetup  # of all
+    filter: FilterRun  # what the filter left behind
+    lagged: NavigationSolution | None = None  # by measurements up to a fixed lag after each sample
 
 
 def run_error_model(

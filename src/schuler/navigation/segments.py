@@ -61,24 +61,12 @@ def run_in_segments(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunSegment:
-    """A stretch between two restarts, with what belongs to it.
+    """A stretch between two restarts, with what belongs to it."""
 
-    Parameters
-    ----------
-    imu : ImuRecording
-        Its samples.
-    start : InitialState
-        At its first sample; sensor states as if nothing was before.
-    schedule : AidingSchedule
-        Measurements from its first sample to that of the next segment.
-    white_scale : (n, 6) ndarray or None
-        Of its samples.
-    """
-
-    imu: ImuRecording
-    start: InitialState
-    schedule: AidingSchedule
-    white_scale: FloatArray | None
+    imu: ImuRecording  # its samples
+    start: InitialState  # at its first sample; sensor states as if nothing was before.
+    schedule: AidingSchedule  # measurements from its first sample to that of the next segment
+    white_scale: FloatArray | None  # (n, 6): of its samples
 
 
 def split_at_restarts(

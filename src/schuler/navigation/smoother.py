@@ -21,21 +21,14 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SmoothedRun:
-    """A smoothed run.
+    """A smoothed run."""
 
-    Parameters
-    ----------
-    samples : SampleOutputs
-        State at every IMU sample.
-    sensor_state, sensor_sd : (k, m) ndarray
-        Sensor error states at the nodes and their standard deviations.
-    lasting, lasting_before : (k, 3, 3) ndarray or None
-        Covariance of position with errors of GNSS that last, smoothed and of the filter.
-    """
-
-    samples: SampleOutputs
+    samples: SampleOutputs  # state at every IMU sample
+    # sensor_state, sensor_sd: (k, m) sensor error states at the nodes and their standard deviations
     sensor_state: FloatArray
     sensor_sd: FloatArray
+    # lasting, lasting_before: (k, 3, 3) covariance of position with errors of GNSS that last,
+    # smoothed and of the filter
     lasting: FloatArray | None = None
     lasting_before: FloatArray | None = None
 

@@ -78,17 +78,11 @@ class InitialState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleStates:
-    """Where the filter finds what it knows of the vehicle.
+    """Where the filter finds what it knows of the vehicle."""
 
-    Parameters
-    ----------
-    first : int
-        Place of the first of the vehicle's states among the sensor states; -1: there are none.
-    mounting : (3, 3) ndarray
-        Vehicle (forward, right, down) from IMU, before the estimated correction.
-    """
-
+    # place of the first of the vehicle's states among the sensor states; -1: there are none.
     first: int
+    # (3, 3): vehicle (forward, right, down) from IMU, before the estimated correction
     mounting: FloatArray
 
 
@@ -106,21 +100,13 @@ class FilterOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorStretches:
-    """How sensor errors show, where that changes in the middle of a run.
+    """How sensor errors show, where that changes in the middle of a run."""
 
-    Parameters
-    ----------
-    time : (b,) ndarray
-        Of the first sample of every stretch, s; the first stretch begins with the run.
-    direction : (b, p, 3) ndarray
-        Of the first p sensor states; the others are always as the model says.
-    white : (b, 2, 3, 3) ndarray
-        Covariance densities of the accelerometers and of the gyros.
-    """
-
+    # (b,): of the first sample of every stretch, s; the first stretch begins with the run.
     time: FloatArray
+    # (b, p, 3): of the first p sensor states; the others are always as the model says.
     direction: FloatArray
-    white: FloatArray
+    white: FloatArray  # (b, 2, 3, 3): covariance densities of the accelerometers and of the gyros
 
     def starts(self, time: FloatArray) -> dict[int, int]:
         """Stretch that begins at a sample, for those that the samples see."""

@@ -29,23 +29,15 @@ Role = Literal["size", "time", "shape", "given"]
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """What is known of one number of a process.
+    """What is known of one number of a process."""
 
-    Parameters
-    ----------
-    role : {"size", "time", "shape", "given"}
-        "size": a fit finds it, and the process grows with it (see `Process.growth`); "time": a
-        fit finds it between the sample interval and twenty record lengths; "shape": a fit finds
-        it, above zero; "given": it stays as it is.
-    words : str
-        For tables, e.g. "white noise N"; empty: not shown.
-    unit : str
-        Kind of quantity as of `schuler.units`, "{}" standing for gyro or accel; empty: a plain
-        number, or SI.
-    """
-
+    # "size": a fit finds it, and the process grows with it (see `Process.growth`); "time": a fit
+    # finds it between the sample interval and twenty record lengths; "shape": a fit finds it, above
+    # zero; "given": it stays as it is.
     role: Role = "shape"
-    words: str = ""
+    words: str = ""  # for tables, e.g. "white noise N"; empty: not shown.
+    # kind of quantity as of `schuler.units`, "{}" standing for gyro or accel; empty: a plain
+    # number, or SI.
     unit: str = ""
 
 
@@ -54,40 +46,22 @@ class StateSpace:
     """A process in states, discretised exactly for one step.
 
     The process is output @ x plus white noise; x(k+1) = transition @ x(k) + w(k).
-
-    Parameters
-    ----------
-    dt : float
-        Step in s.
-    transition : (s, s) ndarray
-        Transition over one step.
-    noise_covariance : (s, s) ndarray
-        Covariance of w over one step.
-    output : (s,) ndarray
-        How the states add up to the process.
-    initial_covariance : (s, s) ndarray
-        Covariance of the states at the start: stationary where that exists, else as given.
-    white_density : float
-        Density N of the white part, (unit)/sqrt(Hz); its sample variance is N²/dt.
-    drift : (s, s) ndarray or None
-        F of dx/dt = F x + u in 1/s, block-diagonal with blocks of size 1 (decay or constant) or 2
-        (ramp, oscillation); None for processes that exist only in discrete time (quantisation,
-        AR, ARMA).
-    diffusion : (s, s) ndarray or None
-        Density of u, (unit)²/s.
-    names : tuple of str
-        A name for every state, e.g. "Gauss-Markov", "random walk".
     """
 
-    dt: float
-    transition: FloatArray
-    noise_covariance: FloatArray
-    output: FloatArray
+    dt: float  # step in s
+    transition: FloatArray  # (s, s): transition over one step
+    noise_covariance: FloatArray  # (s, s): covariance of w over one step
+    output: FloatArray  # (s,): how the states add up to the process
+    # (s, s): covariance of the states at the start: stationary where that exists, else as given
     initial_covariance: FloatArray
+    # density N of the white part, (unit)/sqrt(Hz); its sample variance is N²/dt.
     white_density: float
+    # (s, s): F of dx/dt = F x + u in 1/s, block-diagonal with blocks of size 1 (decay or constant)
+    # or 2 (ramp, oscillation); None for processes that exist only in discrete time (quantisation,
+    # AR, ARMA).
     drift: FloatArray | None
-    diffusion: FloatArray | None
-    names: tuple[str, ...]
+    diffusion: FloatArray | None  # (s, s): density of u, (unit)²/s
+    names: tuple[str, ...]  # a name for every state, e.g. "Gauss-Markov", "random walk".
 
     @property
     def size(self) -> int:

@@ -17,27 +17,14 @@ TERMS: tuple[Term, ...] = ("linear", "square", "rate")
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """One term of one column.
+    """One term of one column."""
 
-    Parameters
-    ----------
-    column : str
-        Such as "temperature".
-    term : {"linear", "square", "rate"}
-        Of the column less its reference: itself, its square, its change a second.
-    coefficient : float
-        u per unit of the column (kelvin), per its square, or per its change a second.
-    standard_error : float
-        Of it.
-    reference : float
-        Value of the column at which the effect is zero.
-    """
-
-    column: str
-    term: str
+    column: str  # such as "temperature"
+    term: str  # of the column less its reference: itself, its square, its change a second
+    # u per unit of the column (kelvin), per its square, or per its change a second
     coefficient: float
-    standard_error: float
-    reference: float
+    standard_error: float  # of it
+    reference: float  # value of the column at which the effect is zero
 
     def of(self, values: FloatArray, rate: float) -> FloatArray:
         """What the column does to the channel."""

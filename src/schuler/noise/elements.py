@@ -14,26 +14,14 @@ _TAUS, _LONGEST, _PER_DECADE = 60, 1e6, 2
 
 @dataclass(frozen=True, slots=True)
 class Elements:
-    """A process in the terms of kernels, for samples one interval apart.
+    """A process in the terms of kernels, for samples one interval apart."""
 
-    Parameters
-    ----------
-    white : float
-        Variance of the white part of a sample, u².
-    quantization : float
-        Variance of the white part of the running sum of samples, u².
-    walk : float
-        Variance of a random walk's step from sample to sample, u².
-    flicker : float
-        Coefficient B²/pi of lag² ln(lag)/2 in the covariance of the running sum, u².
-    gauss_markovs : tuple of (float, float)
-        Variance in u² and correlation time in s of every exponential correlation.
-    """
-
-    white: float = 0.0
-    quantization: float = 0.0
-    walk: float = 0.0
+    white: float = 0.0  # variance of the white part of a sample, u²
+    quantization: float = 0.0  # variance of the white part of the running sum of samples, u²
+    walk: float = 0.0  # variance of a random walk's step from sample to sample, u²
+    # coefficient B²/pi of lag² ln(lag)/2 in the covariance of the running sum, u²
     flicker: float = 0.0
+    # variance in u² and correlation time in s of every exponential correlation
     gauss_markovs: tuple[tuple[float, float], ...] = ()
 
     @classmethod

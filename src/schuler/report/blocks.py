@@ -14,158 +14,81 @@ Severity = Literal["good", "info", "warning", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Prose:
-    """One paragraph of plain words.
+    """One paragraph of plain words."""
 
-    Parameters
-    ----------
-    text : str
-        The paragraph.
-    """
-
-    text: str
+    text: str  # the paragraph
     kind: str = field(default="prose", init=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """Names with values, the few numbers a reader looks for first.
+    """Names with values, the few numbers a reader looks for first."""
 
-    Parameters
-    ----------
-    items : tuple of (str, str)
-        Name and value, both ready to be read.
-    """
-
-    items: tuple[tuple[str, str], ...]
+    items: tuple[tuple[str, str], ...]  # name and value, both ready to be read
     kind: str = field(default="facts", init=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was found, with how much it matters.
+    """One thing that was found, with how much it matters."""
 
-    Parameters
-    ----------
-    severity : {"good", "info", "warning", "error"}
-        How much it matters.
-    text : str
-        What was found, in plain words.
-    detail : str
-        Where, or what to do.
-    """
-
-    severity: Severity
-    text: str
-    detail: str = ""
+    severity: Severity  # how much it matters
+    text: str  # what was found, in plain words
+    detail: str = ""  # where, or what to do
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """A list of findings.
+    """A list of findings."""
 
-    Parameters
-    ----------
-    items : tuple of Finding
-        In the order to be read.
-    """
-
-    items: tuple[Finding, ...]
+    items: tuple[Finding, ...]  # in the order to be read
     kind: str = field(default="findings", init=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of text that is ready to be read.
+    """A table of text that is ready to be read."""
 
-    Parameters
-    ----------
-    caption : str
-        What it shows.
-    columns : tuple of str
-        Headings.
-    rows : tuple of tuple of str
-        Cells; an empty first cell continues the row above.
-    words : tuple of int
-        Columns that hold words (set flush left); all others are numbers.
-    note : str
-        Line below the table.
-    folded : bool
-        Show it only when asked.
-    """
-
-    caption: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    caption: str  # what it shows
+    columns: tuple[str, ...]  # headings
+    rows: tuple[tuple[str, ...], ...]  # cells; an empty first cell continues the row above.
+    # columns that hold words (set flush left); all others are numbers.
     words: tuple[int, ...] = (0,)
-    note: str = ""
-    folded: bool = False
+    note: str = ""  # line below the table
+    folded: bool = False  # show it only when asked
     kind: str = field(default="table", init=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """One plot.
+    """One plot."""
 
-    Parameters
-    ----------
-    title : str
-        Shown above the plot.
-    description : str
-        What is to be seen, for readers who cannot see it.
-    traces : tuple of dict
-        Traces of plotly.js; colours are names of the page's palette (see `figures`).
-    layout : dict
-        Layout of plotly.js without fonts and colours, which belong to the page.
-    height : int
-        Pixels.
-    """
-
-    title: str
-    description: str
+    title: str  # shown above the plot
+    description: str  # what is to be seen, for readers who cannot see it
+    # traces of plotly.js; colours are names of the page's palette (see `figures`).
     traces: tuple[dict[str, Any], ...]
+    # layout of plotly.js without fonts and colours, which belong to the page
     layout: dict[str, Any]
-    height: int = 320
+    height: int = 320  # pixels
 
 
 @dataclass(frozen=True, slots=True)
 class LegendItem:
-    """One entry of the legend that the plots of a grid share.
+    """One entry of the legend that the plots of a grid share."""
 
-    Parameters
-    ----------
-    label : str
-        Text.
-    colour : str
-        Name in the palette.
-    mark : {"line", "dash", "dot", "band", "point", "diamond"}
-        How it is drawn.
-    """
-
-    label: str
-    colour: str
-    mark: Literal["line", "dash", "dot", "band", "point", "diamond"] = "line"
+    label: str  # text
+    colour: str  # name in the palette
+    mark: Literal["line", "dash", "dot", "band", "point", "diamond"] = "line"  # how it is drawn
 
 
 @dataclass(frozen=True, slots=True)
 class FigureGrid:
-    """Plots side by side that share one legend.
+    """Plots side by side that share one legend."""
 
-    Parameters
-    ----------
-    figures : tuple of Figure
-        In reading order.
-    legend : tuple of LegendItem
-        What the colours mean.
-    columns : {1, 2, 3}
-        How many stand side by side on a wide page.
-    caption : str
-        One sentence below.
-    """
-
-    figures: tuple[Figure, ...]
-    legend: tuple[LegendItem, ...] = ()
-    columns: Literal[1, 2, 3] = 3
-    caption: str = ""
+    figures: tuple[Figure, ...]  # in reading order
+    legend: tuple[LegendItem, ...] = ()  # what the colours mean
+    columns: Literal[1, 2, 3] = 3  # how many stand side by side on a wide page
+    caption: str = ""  # one sentence below
     kind: str = field(default="figures", init=False)
 
 
@@ -175,99 +98,48 @@ Tone = Literal["good", "kind", "cannot", "wrong", "beyond", "failed", "plain"]
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One printed value beside what came out.
+    """One printed value beside what came out."""
 
-    Parameters
-    ----------
-    quantity : str
-        What it is.
-    printed, ours, band : str
-        Values with their unit, ready to be read.
-    verdict : str
-        In words.
-    tone : str
-        Colour of the verdict.
-    detail : str
-        Why; shown below the quantity.
-    source : str
-        Who says where the value has to lie; shown below the band.
-    """
-
-    quantity: str
+    quantity: str  # what it is
+    # printed, ours, band: values with their unit, ready to be read
     printed: str
     ours: str
     band: str
-    verdict: str
-    tone: Tone
-    detail: str = ""
-    source: str = ""
+    verdict: str  # in words
+    tone: Tone  # colour of the verdict
+    detail: str = ""  # why; shown below the quantity.
+    source: str = ""  # who says where the value has to lie; shown below the band.
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """A table, figure or equation of a paper, done again.
+    """A table, figure or equation of a paper, done again."""
 
-    Parameters
-    ----------
-    label : str
-        As the paper has it.
-    title : str
-        What it is about.
-    claim : str
-        What the paper says.
-    anchor : str
-        For links within the page.
-    rows : tuple of Judged
-        Printed beside ours.
-    notes : tuple of str
-        What to take away.
-    """
-
-    label: str
-    title: str
-    claim: str
-    anchor: str
-    rows: tuple[Judged, ...]
-    notes: tuple[str, ...] = ()
+    label: str  # as the paper has it
+    title: str  # what it is about
+    claim: str  # what the paper says
+    anchor: str  # for links within the page
+    rows: tuple[Judged, ...]  # printed beside ours
+    notes: tuple[str, ...] = ()  # what to take away
     kind: str = field(default="judgement", init=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Chip:
-    """A short link with a colour.
+    """A short link with a colour."""
 
-    Parameters
-    ----------
-    label : str
-        Text.
-    anchor : str
-        Where it leads.
-    tone : str
-        Colour.
-    verdict : str
-        The colour in words.
-    """
-
-    label: str
-    anchor: str
-    tone: Tone
-    verdict: str
+    label: str  # text
+    anchor: str  # where it leads
+    tone: Tone  # colour
+    verdict: str  # the colour in words
 
 
 @dataclass(frozen=True, slots=True)
 class Chips:
-    """Many short links, so that a reader finds his table at once.
+    """Many short links, so that a reader finds his table at once."""
 
-    Parameters
-    ----------
-    items : tuple of Chip
-        In reading order.
-    legend : tuple of (str, str)
-        Tone and words of the colours.
-    """
-
-    items: tuple[Chip, ...]
-    legend: tuple[tuple[Tone, str], ...] = ()
+    items: tuple[Chip, ...]  # in reading order
+    legend: tuple[tuple[Tone, str], ...] = ()  # tone and words of the colours
     kind: str = field(default="chips", init=False)
 
 
@@ -276,18 +148,8 @@ Block = Prose | Facts | Findings | Table | FigureGrid | Judgement | Chips
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of the page that shows one result.
+    """A part of the page that shows one result."""
 
-    Parameters
-    ----------
-    title : str
-        Heading.
-    blocks : tuple of Block
-        Content in reading order.
-    summary : tuple of str
-        Sentences for the head of the page.
-    """
-
-    title: str
-    blocks: tuple[Block, ...]
-    summary: tuple[str, ...] = ()
+    title: str  # heading
+    blocks: tuple[Block, ...]  # content in reading order
+    summary: tuple[str, ...] = ()  # sentences for the head of the page

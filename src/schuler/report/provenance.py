@@ -16,52 +16,24 @@ from schuler.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
-    """A file that went into a result.
+    """A file that went into a result."""
 
-    Parameters
-    ----------
-    name : str
-        Name without folder.
-    size : int
-        Bytes.
-    sha256 : str
-        Digest of the content.
-    """
-
-    name: str
-    size: int
-    sha256: str
+    name: str  # name without folder
+    size: int  # bytes
+    sha256: str  # digest of the content
 
 
 @dataclass(frozen=True, slots=True)
 class Provenance(ToDict):
-    """What a result depends on.
+    """What a result depends on."""
 
-    Parameters
-    ----------
-    version : str
-        Version of this package.
-    python : str
-        Version of Python and the kind of machine.
-    created : str
-        Local date and time with the offset to UTC.
-    command : str
-        Command line, empty when called from Python.
-    inputs : tuple of InputFile
-        Files.
-    seeds : mapping of str to int
-        Seeds of everything that was drawn.
-    settings : mapping
-        Options, as plain JSON values.
-    """
-
-    version: str
-    python: str
-    created: str
-    command: str = ""
-    inputs: tuple[InputFile, ...] = ()
-    seeds: Mapping[str, int] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    version: str  # version of this package
+    python: str  # version of Python and the kind of machine
+    created: str  # local date and time with the offset to UTC
+    command: str = ""  # command line, empty when called from Python
+    inputs: tuple[InputFile, ...] = ()  # files
+    seeds: Mapping[str, int] = field(default_factory=dict)  # seeds of everything that was drawn
+    settings: Mapping[str, Any] = field(default_factory=dict)  # options, as plain JSON values
 
 
 def digest_file(path: str | Path) -> InputFile:

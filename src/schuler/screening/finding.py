@@ -12,37 +12,21 @@ Severity = Literal["info", "warning", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Finding(ToDict):
-    """One thing that was seen.
-
-    Parameters
-    ----------
-    kind : str
-        "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "noise burst",
-        "saturation", "knock", "outlier", "heavy tails", "units", "gravity", "grid", "rest",
-        "channels", "source of rate".
-    severity : {"info", "warning", "error"}
-        An error makes results wrong; a warning can.
-    message : str
-        In plain words, with numbers.
-    channels : tuple of str
-        Channels concerned; empty: all.
-    intervals : tuple of (float, float)
-        First and last second concerned, on the recording's time axis.
-    value : float or None
-        The number behind it, SI.
-    cure : str
-        What the user can do about it; empty where the message says all.
-    """
+    """One thing that was seen."""
 
     JSON = "kind severity message channels intervals_s=intervals value cure"
 
+    # "rate", "gap", "repeated rows", "stuck axis", "stuck for a while", "noise burst",
+    # "saturation", "knock", "outlier", "heavy tails", "units", "gravity", "grid", "rest",
+    # "channels", "source of rate"
     kind: str
-    severity: Severity
-    message: str
-    channels: tuple[str, ...] = ()
+    severity: Severity  # an error makes results wrong; a warning can.
+    message: str  # in plain words, with numbers
+    channels: tuple[str, ...] = ()  # channels concerned; empty: all.
+    # first and last second concerned, on the recording's time axis
     intervals: tuple[tuple[float, float], ...] = ()
-    value: float | None = None
-    cure: str = ""
+    value: float | None = None  # the number behind it, SI
+    cure: str = ""  # what the user can do about it; empty where the message says all.
 
     @property
     def text(self) -> str:

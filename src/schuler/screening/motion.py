@@ -26,24 +26,12 @@ _PAD = 0.25  # s cut on either side of a knock
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """When the sensor stood still.
+    """When the sensor stood still."""
 
-    Parameters
-    ----------
-    static : bool
-        Throughout.
-    rest : tuple of (float, float)
-        Intervals of at least two seconds, s.
-    findings : tuple of Finding
-        What to say about it.
-    level : bool
-        The accelerometers, where there are any, stayed as if throughout static.
-    """
-
-    static: bool
-    rest: tuple[tuple[float, float], ...]
-    findings: tuple[Finding, ...]
-    level: bool = False
+    static: bool  # throughout
+    rest: tuple[tuple[float, float], ...]  # intervals of at least two seconds, s
+    findings: tuple[Finding, ...]  # what to say about it
+    level: bool = False  # the accelerometers, where there are any, stayed as if throughout static
 
 
 def look_at_rest(imu: ImuRecording, rate: float) -> Rest:

@@ -16,24 +16,12 @@ _GAP = 1.8  # median steps; a lost sample makes 2
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Rate, jitter and gaps.
+    """Rate, jitter and gaps."""
 
-    Parameters
-    ----------
-    rate : float
-        Hz, gaps left out.
-    jitter : float
-        Standard deviation of the steps, s.
-    gaps : tuple of int
-        Rows before which samples are missing.
-    findings : tuple of Finding
-        What to say about it.
-    """
-
-    rate: float
-    jitter: float
-    gaps: tuple[int, ...]
-    findings: tuple[Finding, ...]
+    rate: float  # hz, gaps left out
+    jitter: float  # standard deviation of the steps, s
+    gaps: tuple[int, ...]  # rows before which samples are missing
+    findings: tuple[Finding, ...]  # what to say about it
 
 
 def look_at_steps(imu: ImuRecording) -> Steps:

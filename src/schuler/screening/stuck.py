@@ -25,17 +25,10 @@ CHANCE = 5.0
 
 @dataclass(frozen=True, slots=True)
 class StuckInterval:
-    """A channel that shows one value for a while.
+    """A channel that shows one value for a while."""
 
-    Parameters
-    ----------
-    channel : str
-        Out of `schuler.data.CHANNELS`.
-    first, stop : int
-        First row that repeats the value, and the row behind the last.
-    """
-
-    channel: str
+    channel: str  # out of `schuler.data.CHANNELS`
+    # first, stop: first row that repeats the value, and the row behind the last
     first: int
     stop: int
 

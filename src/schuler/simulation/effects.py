@@ -17,21 +17,13 @@ STANDARD_GRAVITY = 9.80665
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TemperatureDrift:
-    """Bias that follows temperature: linear (T - reference) + quadratic (T - reference)².
+    """Bias that follows temperature: linear (T - reference) + quadratic (T - reference)²."""
 
-    Parameters
-    ----------
-    reference : float
-        Temperature at which there is no drift, degrees Celsius.
-    gyro_linear, gyro_quadratic : (3,) array_like
-        rad/s per kelvin, and per kelvin squared.
-    accel_linear, accel_quadratic : (3,) array_like
-        m/s² per kelvin, and per kelvin squared.
-    """
-
-    reference: float = 25.0
+    reference: float = 25.0  # temperature at which there is no drift, degrees Celsius
+    # gyro_linear, gyro_quadratic: (3,) rad/s per kelvin, and per kelvin squared
     gyro_linear: ArrayLike = (0.0, 0.0, 0.0)
     gyro_quadratic: ArrayLike = (0.0, 0.0, 0.0)
+    # accel_linear, accel_quadratic: (3,) m/s² per kelvin, and per kelvin squared
     accel_linear: ArrayLike = (0.0, 0.0, 0.0)
     accel_quadratic: ArrayLike = (0.0, 0.0, 0.0)
 
@@ -67,23 +59,12 @@ class ManoeuvreNoise:
     The density added to the gyros is sqrt((gyro_with_rate |w|)² + (gyro_with_force a)²), with the
     rate |w| and a = | |f| - g |, what the force has beyond gravity; likewise for accelerometers.
     Variances add: the sensor's total density is sqrt(N² + added²).
-
-    Parameters
-    ----------
-    gyro_with_rate : float
-        rad/s/sqrt(Hz) per rad/s.
-    gyro_with_force : float
-        rad/s/sqrt(Hz) per m/s².
-    accel_with_rate : float
-        m/s²/sqrt(Hz) per rad/s.
-    accel_with_force : float
-        m/s²/sqrt(Hz) per m/s².
     """
 
-    gyro_with_rate: float = 0.0
-    gyro_with_force: float = 0.0
-    accel_with_rate: float = 0.0
-    accel_with_force: float = 0.0
+    gyro_with_rate: float = 0.0  # rad/s/sqrt(Hz) per rad/s
+    gyro_with_force: float = 0.0  # rad/s/sqrt(Hz) per m/s²
+    accel_with_rate: float = 0.0  # m/s²/sqrt(Hz) per rad/s
+    accel_with_force: float = 0.0  # m/s²/sqrt(Hz) per m/s²
 
     def __post_init__(self) -> None:
         values = (

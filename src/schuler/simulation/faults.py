@@ -169,28 +169,16 @@ Fault = StepFault | RampFault | StuckFault | NoiseBurst | SampleSlip | DropOut |
 
 @dataclass(frozen=True, slots=True)
 class FaultEntry:
-    """What one fault did.
+    """What one fault did."""
 
-    Parameters
-    ----------
-    fault : Fault
-        Its description.
-    rows : tuple of int
-        First row that it changed in the recording as it was given, and the one after the last.
-    start, stop : float
-        Stamps, as given, of the first and the last row changed, s; NaN where none was.
-    removed : int
-        Rows that it took away.
-    text : str
-        For people.
-    """
-
-    fault: Fault
+    fault: Fault  # its description
+    # first row that it changed in the recording as it was given, and the one after the last
     rows: tuple[int, int]
+    # start, stop: stamps, as given, of the first and the last row changed, s; NaN where none was.
     start: float
     stop: float
-    removed: int
-    text: str
+    removed: int  # rows that it took away
+    text: str  # for people
 
 
 def inject_faults(

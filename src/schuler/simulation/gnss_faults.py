@@ -14,20 +14,12 @@ from schuler.errors import InputError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrongFix:
-    """Positions that are off by some metres.
+    """Positions that are off by some metres."""
 
-    Parameters
-    ----------
-    start : float
-        Of the first epoch concerned, s.
-    duration : float
-        Epochs with start <= time < start + duration; zero: the first one at or after start.
-    north, east, down : float
-        By how much, m.
-    """
-
-    start: float
+    start: float  # of the first epoch concerned, s
+    # epochs with start <= time < start + duration; zero: the first one at or after start.
     duration: float = 0.0
+    # north, east, down: by how much, m
     north: float = 0.0
     east: float = 0.0
     down: float = 0.0
@@ -38,17 +30,11 @@ class LateStamps:
     """Epochs whose stamps are later than they should be.
 
     Epochs that would come out of order are left out, as a reader has to.
-
-    Parameters
-    ----------
-    start, duration : float
-        Seconds, by the stamps as they should be.
-    late : float
-        Seconds added to the stamps.
     """
 
+    # start, duration: seconds, by the stamps as they should be
     start: float
-    late: float
+    late: float  # seconds added to the stamps
     duration: float = float("inf")
 
 

@@ -30,22 +30,13 @@ class TriadErrors:
     """What is wrong with three sensors besides their noise.
 
     Measured = (I + matrix) truth + bias + noise, then limited to +-saturation, then rounded.
-
-    Parameters
-    ----------
-    bias : (3,) array_like
-        Constant bias, rad/s or m/s².
-    matrix : (3, 3) array_like
-        Scale factor errors on the diagonal, misalignment beside it.
-    saturation : float
-        Largest magnitude the sensor delivers, rad/s or m/s².
-    quantization_step : float
-        Step to whose multiples values are rounded, rad/s or m/s²; zero: not rounded.
     """
 
-    bias: ArrayLike = (0.0, 0.0, 0.0)
+    bias: ArrayLike = (0.0, 0.0, 0.0)  # (3,): constant bias, rad/s or m/s²
+    # (3, 3): scale factor errors on the diagonal, misalignment beside it
     matrix: ArrayLike = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    saturation: float = float("inf")
+    saturation: float = float("inf")  # largest magnitude the sensor delivers, rad/s or m/s²
+    # step to whose multiples values are rounded, rad/s or m/s²; zero: not rounded.
     quantization_step: float = 0.0
 
     def __post_init__(self) -> None:

@@ -58,34 +58,20 @@ MOTIONS: dict[str, tuple[float, Callable[[float, np.random.Generator], Profile]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorFaults:
-    """What is wrong with every triad besides its noise, drawn anew for each IMU.
+    """What is wrong with every triad besides its noise, drawn anew for each IMU."""
 
-    Parameters
-    ----------
-    scale_factor : float
-        Standard deviation of the scale factors (1e-3: 1000 ppm).
-    misalignment : float
-        Of each angle between an axis and where it should be, rad.
-    g_sensitivity : float
-        Of each term that the gyros show of the specific force, rad/s per m/s².
-    gyro_range, accel_range : float
-        Largest magnitude delivered, rad/s and m/s².
-    gyro_step, accel_step : float
-        Rounding, rad/s and m/s²; zero: none.
-    warming : float
-        Kelvin by which the device warms up, with a time constant of ten minutes.
-    gyro_drift, accel_drift : float
-        Standard deviation of the change of bias a kelvin, rad/s and m/s².
-    """
-
-    scale_factor: float = 0.0
-    misalignment: float = 0.0
+    scale_factor: float = 0.0  # standard deviation of the scale factors (1e-3: 1000 ppm)
+    misalignment: float = 0.0  # of each angle between an axis and where it should be, rad
+    # of each term that the gyros show of the specific force, rad/s per m/s²
     g_sensitivity: float = 0.0
+    # gyro_range, accel_range: largest magnitude delivered, rad/s and m/s²
     gyro_range: float = float("inf")
     accel_range: float = float("inf")
+    # gyro_step, accel_step: rounding, rad/s and m/s²; zero: none.
     gyro_step: float = 0.0
     accel_step: float = 0.0
-    warming: float = 0.0
+    warming: float = 0.0  # kelvin by which the device warms up, with a time constant of ten minutes
+    # gyro_drift, accel_drift: standard deviation of the change of bias a kelvin, rad/s and m/s²
     gyro_drift: float = 2e-5
     accel_drift: float = 1e-3
 

@@ -109,30 +109,16 @@ def box_car_gain(frequency: ArrayLike, taps: int, rate: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class StampErrors:
-    """What is wrong with the clock and the way to the log.
+    """What is wrong with the clock and the way to the log."""
 
-    Parameters
-    ----------
-    offset : float
-        Seconds that the clock is ahead at the first sample.
-    rate_error : float
-        Seconds that it gains each second (50 ppm: 5e-5).
-    jitter : float
-        Standard deviation of the stamps, s; limited to 0.45 of a step, so that they stay in order.
-    lost : float
-        Share of the rows that are missing.
-    gap : float
-        Mean length of a loss, rows; the lengths are geometrically distributed.
-    repeated : float
-        Share of the rows that show the values of the row before under a stamp of their own, as
-        when a driver reads faster than the sensor delivers.
-    """
-
-    offset: float = 0.0
-    rate_error: float = 0.0
+    offset: float = 0.0  # seconds that the clock is ahead at the first sample
+    rate_error: float = 0.0  # seconds that it gains each second (50 ppm: 5e-5)
+    # standard deviation of the stamps, s; limited to 0.45 of a step, so that they stay in order.
     jitter: float = 0.0
-    lost: float = 0.0
-    gap: float = 1.0
+    lost: float = 0.0  # share of the rows that are missing
+    gap: float = 1.0  # mean length of a loss, rows; the lengths are geometrically distributed.
+    # share of the rows that show the values of the row before under a stamp of their own, as when a
+    # driver reads faster than the sensor delivers
     repeated: float = 0.0
 
     def __post_init__(self) -> None:

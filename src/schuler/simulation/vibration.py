@@ -19,26 +19,13 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Vibration:
-    """One vibration, of a frequency f = frequency + order times the turning rate.
+    """One vibration, of a frequency f = frequency + order times the turning rate."""
 
-    Parameters
-    ----------
-    gyro : (3,) array_like
-        Root mean square at strength one, rad/s.
-    accel : (3,) array_like
-        Likewise, m/s².
-    frequency : float
-        Hz.
-    order : float
-        Cycles a turn of the wheel, rotor or engine whose turning rate is given.
-    bandwidth : float
-        Zero: a sinusoid. Otherwise random, with a spectrum of this width at half power, Hz.
-    """
-
-    gyro: ArrayLike = (0.0, 0.0, 0.0)
-    accel: ArrayLike = (0.0, 0.0, 0.0)
-    frequency: float = 0.0
-    order: float = 0.0
+    gyro: ArrayLike = (0.0, 0.0, 0.0)  # (3,): root mean square at strength one, rad/s
+    accel: ArrayLike = (0.0, 0.0, 0.0)  # (3,): likewise, m/s²
+    frequency: float = 0.0  # hz
+    order: float = 0.0  # cycles a turn of the wheel, rotor or engine whose turning rate is given
+    # zero: a sinusoid. Otherwise random, with a spectrum of this width at half power, Hz.
     bandwidth: float = 0.0
 
     def __post_init__(self) -> None:

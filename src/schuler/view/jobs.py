@@ -26,34 +26,17 @@ _WINDOW = re.compile(r"\d{1,7}(\.\d{1,6})?:\d{1,5}(\.\d{1,6})?")
 
 @dataclass(slots=True)
 class Job:
-    """One command.
+    """One command."""
 
-    Parameters
-    ----------
-    number : int
-        Its number, from 1.
-    title : str
-        What it does, for people.
-    arguments : list of str
-        What stands behind `schuler`.
-    page, numbers : str
-        Names of what it leaves in the folder.
-    state : {"waiting", "running", "done", "failed", "stopped"}
-        How far it is.
-    progress : str
-        What it does right now.
-    notes : list of str
-        What it said.
-    """
-
-    number: int
-    title: str
-    arguments: list[str]
+    number: int  # its number, from 1
+    title: str  # what it does, for people
+    arguments: list[str]  # what stands behind `schuler`
+    # page, numbers: names of what it leaves in the folder
     page: str
     numbers: str
-    state: str = "waiting"
-    progress: str = ""
-    notes: list[str] = field(default_factory=list)
+    state: str = "waiting"  # how far it is
+    progress: str = ""  # what it does right now
+    notes: list[str] = field(default_factory=list)  # what it said
 
     def shown(self) -> dict[str, Any]:
         """Return what the page needs."""

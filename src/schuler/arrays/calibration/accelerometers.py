@@ -40,39 +40,22 @@ class BodyMotion(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AccelerometerFit:
-    """Accelerometers of an array against their mean.
+    """Accelerometers of an array against their mean."""
 
-    Parameters
-    ----------
-    sensor : (k, 3, 3) ndarray
-        What an accelerometer triad shows of the force in the body, in its own axes; the mean of
-        C_bs times it over the IMUs is one, or what was given for it.
-    deviation : (k, 3, 3) ndarray
-        C_bs sensor - I.
-    deviation_sd : (k, 3, 3) ndarray
-        Standard deviations of these.
-    bias, bias_sd : (k, 3) ndarray
-        Differences from the mean, in the axes of the sensor, m/s².
-    position, position_sd : (k, 3) ndarray
-        Lever arms from the mean position, in the body, m.
-    unseen : (m, 3) ndarray
-        Axes of the body along which the force hardly varied.
-    arms_seen : bool
-        Whether there was rotation enough for lever arms.
-    rows : int
-        Rows that the fit rests on.
-    """
-
+    # (k, 3, 3): what an accelerometer triad shows of the force in the body, in its own axes; the
+    # mean of C_bs times it over the IMUs is one, or what was given for it.
     sensor: FloatArray
-    deviation: FloatArray
-    deviation_sd: FloatArray
+    deviation: FloatArray  # (k, 3, 3): C_bs sensor - I
+    deviation_sd: FloatArray  # (k, 3, 3): standard deviations of these
+    # bias, bias_sd: (k, 3) differences from the mean, in the axes of the sensor, m/s²
     bias: FloatArray
     bias_sd: FloatArray
+    # position, position_sd: (k, 3) lever arms from the mean position, in the body, m
     position: FloatArray
     position_sd: FloatArray
-    unseen: FloatArray
-    arms_seen: bool
-    rows: int
+    unseen: FloatArray  # (m, 3): axes of the body along which the force hardly varied
+    arms_seen: bool  # whether there was rotation enough for lever arms
+    rows: int  # rows that the fit rests on
 
 
 def arm_matrix(rate: FloatArray, angular_acceleration: FloatArray) -> FloatArray:

@@ -20,30 +20,14 @@ MOVING = np.radians(5.0)
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """Disagreement in one class of motion.
+    """Disagreement in one class of motion."""
 
-    Parameters
-    ----------
-    quantity : {"gyro", "accel"}
-        Which sensors.
-    condition : str
-        Class of motion, in words.
-    limit : float
-        Upper end of the mean rate, rad/s; 0 at rest, infinite without a limit.
-    rms : float
-        Root mean square over all rows, sensors and axes, rad/s or m/s².
-    robust : float
-        1.4826 times the median absolute deviation of the same, rad/s or m/s².
-    values : int
-        How many they are.
-    """
-
-    quantity: Quantity
-    condition: str
-    limit: float
-    rms: float
-    robust: float
-    values: int
+    quantity: Quantity  # which sensors
+    condition: str  # class of motion, in words
+    limit: float  # upper end of the mean rate, rad/s; 0 at rest, infinite without a limit.
+    rms: float  # root mean square over all rows, sensors and axes, rad/s or m/s²
+    robust: float  # 1.4826 times the median absolute deviation of the same, rad/s or m/s²
+    values: int  # how many they are
 
 
 def measure_disagreement(

@@ -40,47 +40,25 @@ LEAST = 100
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GyroFit:
-    """Gyros of an array against their mean.
+    """Gyros of an array against their mean."""
 
-    Parameters
-    ----------
-    start : (k, 3, 3) ndarray
-        C_bs to which everything is a small correction.
-    sensor : (k, 3, 3) ndarray
-        G: what a gyro triad shows of the body's rate, in its own axes; the mean of C_bs G over
-        the IMUs is one.
-    deviation : (k, 3, 3) ndarray
-        C_bs G - I.
-    deviation_sd : (k, 3, 3) ndarray
-        Standard deviations of these.
-    bias, bias_sd : (k, 3) ndarray
-        In the axes of the sensor, rad/s.
-    bias_from_rest : bool
-        True: whole biases, seen at rest. False: differences from the mean only.
-    delay, delay_sd : (k,) ndarray
-        Constant delays against the mean, s; zero where chips are polled.
-    track : PollingTrack or None
-        Sampling phases in this recording.
-    unseen : (m, 3) ndarray
-        Axes of the body about which there was no motion.
-    rows : int
-        Rows that the fit rests on.
-    noise : float
-        Standard deviation of a component at rest, or in the calmest class of motion, rad/s.
-    """
-
-    start: FloatArray
+    start: FloatArray  # (k, 3, 3): C_bs to which everything is a small correction
+    # (k, 3, 3): G: what a gyro triad shows of the body's rate, in its own axes; the mean of C_bs G
+    # over the IMUs is one.
     sensor: FloatArray
-    deviation: FloatArray
-    deviation_sd: FloatArray
+    deviation: FloatArray  # (k, 3, 3): C_bs G - I
+    deviation_sd: FloatArray  # (k, 3, 3): standard deviations of these
+    # bias, bias_sd: (k, 3) in the axes of the sensor, rad/s
     bias: FloatArray
     bias_sd: FloatArray
-    bias_from_rest: bool
+    bias_from_rest: bool  # True: whole biases, seen at rest. False: differences from the mean only.
+    # delay, delay_sd: (k,) constant delays against the mean, s; zero where chips are polled.
     delay: FloatArray
     delay_sd: FloatArray
-    track: PollingTrack | None
-    unseen: FloatArray
-    rows: int
+    track: PollingTrack | None  # sampling phases in this recording
+    unseen: FloatArray  # (m, 3): axes of the body about which there was no motion
+    rows: int  # rows that the fit rests on
+    # standard deviation of a component at rest, or in the calmest class of motion, rad/s
     noise: float
 
     @property

@@ -18,31 +18,16 @@ WORST = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseFit:
-    """The mean accelerometer against gravity.
+    """The mean accelerometer against gravity."""
 
-    Parameters
-    ----------
-    matrix : (3, 3) ndarray
-        Symmetric H: the force is H (mean reading - bias).
-    matrix_sd : (3, 3) ndarray
-        Standard deviations.
-    bias, bias_sd : (3,) ndarray
-        In the body, m/s².
-    deviation : float
-        Standard deviation of |force| over the poses after the fit, m/s².
-    before : float
-        The same before, with the mean taken off.
-    poses : int
-        How many.
-    """
-
-    matrix: FloatArray
-    matrix_sd: FloatArray
+    matrix: FloatArray  # (3, 3): symmetric H: the force is H (mean reading - bias)
+    matrix_sd: FloatArray  # (3, 3): standard deviations
+    # bias, bias_sd: (3,) in the body, m/s²
     bias: FloatArray
     bias_sd: FloatArray
-    deviation: float
-    before: float
-    poses: int
+    deviation: float  # standard deviation of |force| over the poses after the fit, m/s²
+    before: float  # the same before, with the mean taken off
+    poses: int  # how many
 
 
 def fit_poses(mean_force: FloatArray, gravity: float = STANDARD_GRAVITY) -> PoseFit | None:

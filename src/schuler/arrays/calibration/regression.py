@@ -21,24 +21,13 @@ BINS = 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VectorFit:
-    """Result of a regression of vectors.
+    """Result of a regression of vectors."""
 
-    Parameters
-    ----------
-    values : (p,) ndarray
-        Coefficients.
-    covariance : (p, p) ndarray
-        Of these: a sandwich over clusters of neighbouring samples, with the prior.
-    residual : (m, 3) ndarray
-        Target minus fit, all rows.
-    weight : (m,) ndarray
-        Tukey's weights, 0 to 1.
-    """
-
-    values: FloatArray
+    values: FloatArray  # (p,): coefficients
+    # (p, p): of these: a sandwich over clusters of neighbouring samples, with the prior
     covariance: FloatArray
-    residual: FloatArray
-    weight: FloatArray
+    residual: FloatArray  # (m, 3): target minus fit, all rows
+    weight: FloatArray  # (m,): tukey's weights, 0 to 1
 
     @property
     def standard_deviation(self) -> FloatArray:

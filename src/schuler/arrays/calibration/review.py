@@ -34,87 +34,44 @@ SHOWN = 4.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RateCurve:
-    """Disagreement against the mean rate.
+    """Disagreement against the mean rate."""
 
-    Parameters
-    ----------
-    quantity : {"gyro", "accel"}
-        Which sensors.
-    name : str
-        What was corrected.
-    rate : (b,) ndarray
-        Middle of each class, rad/s.
-    rms : (b,) ndarray
-        rad/s or m/s².
-    """
-
-    quantity: str
-    name: str
-    rate: FloatArray
-    rms: FloatArray
+    quantity: str  # which sensors
+    name: str  # what was corrected
+    rate: FloatArray  # (b,): middle of each class, rad/s
+    rms: FloatArray  # (b,): rad/s or m/s²
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseView:
-    """Sampling phases over some lively seconds.
+    """Sampling phases over some lively seconds."""
 
-    Parameters
-    ----------
-    time : (m,) ndarray
-        Stamps, s.
-    delay : (m, k) ndarray
-        Age less the mean age, as tracked, s.
-    seen : (m, k) ndarray
-        The same as single samples show it, s; NaN with too little motion.
-    """
-
-    time: FloatArray
-    delay: FloatArray
-    seen: FloatArray
+    time: FloatArray  # (m,): stamps, s
+    delay: FloatArray  # (m, k): age less the mean age, as tracked, s
+    seen: FloatArray  # (m, k): the same as single samples show it, s; NaN with too little motion.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judgement:
-    """Disagreement of one recording.
+    """Disagreement of one recording."""
 
-    Parameters
-    ----------
-    name : str
-        Of the recording.
-    nominal, calibrated, sharpened : tuple of Disagreement
-        By the nominal mounting; calibrated; and with the derivative that polled chips show
-        themselves (empty where they are not polled).
-    estimated : str
-        What was estimated on this very recording.
-    """
-
-    name: str
+    name: str  # of the recording
+    # nominal, calibrated, sharpened: by the nominal mounting; calibrated; and with the derivative
+    # that polled chips show themselves (empty where they are not polled).
     nominal: tuple[Disagreement, ...]
     calibrated: tuple[Disagreement, ...]
     sharpened: tuple[Disagreement, ...]
-    estimated: str
+    estimated: str  # what was estimated on this very recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationReview:
-    """A calibration with what is to be seen of it.
+    """A calibration with what is to be seen of it."""
 
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        What was found.
-    curves : tuple of RateCurve
-        On the recording that was fitted.
-    phases : PhaseView or None
-        Of polled chips.
-    judgements : tuple of Judgement
-        The recording that was fitted, then others.
-    """
-
-    calibration: ArrayCalibration
-    curves: tuple[RateCurve, ...]
-    phases: PhaseView | None
-    judgements: tuple[Judgement, ...]
+    calibration: ArrayCalibration  # what was found
+    curves: tuple[RateCurve, ...]  # on the recording that was fitted
+    phases: PhaseView | None  # of polled chips
+    judgements: tuple[Judgement, ...]  # the recording that was fitted, then others
 
 
 def review_calibration(

@@ -27,24 +27,14 @@ MIRRORED = 0.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RelativeRotation:
-    """Rotation of one triad against another.
+    """Rotation of one triad against another."""
 
-    Parameters
-    ----------
-    rotation : (3, 3) ndarray
-        Takes vectors from the axes of the second into those of the first.
-    covariance : (3, 3) ndarray
-        Of the small rotation about the axes of the first, rad².
-    offset : (3,) ndarray
-        Constant difference first minus turned second, rad/s: the difference of the biases.
-    deviation : float
-        Robust standard deviation of a component of the residuals, rad/s.
-    """
-
+    # (3, 3): takes vectors from the axes of the second into those of the first
     rotation: FloatArray
-    covariance: FloatArray
+    covariance: FloatArray  # (3, 3): of the small rotation about the axes of the first, rad²
+    # (3,): constant difference first minus turned second, rad/s: the difference of the biases
     offset: FloatArray
-    deviation: float
+    deviation: float  # robust standard deviation of a component of the residuals, rad/s
 
     @property
     def standard_deviation(self) -> FloatArray:

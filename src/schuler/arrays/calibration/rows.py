@@ -27,18 +27,10 @@ SHORTEST = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rests:
-    """When an array stood still.
+    """When an array stood still."""
 
-    Parameters
-    ----------
-    rows : (n,) ndarray of bool
-        At rest, the ends left out.
-    pose : (n,) ndarray of int
-        Number of the rest, from zero; -1 in motion.
-    """
-
-    rows: BoolArray
-    pose: NDArray[np.int64]
+    rows: BoolArray  # (n,): at rest, the ends left out
+    pose: NDArray[np.int64]  # (n,): number of the rest, from zero; -1 in motion.
 
     @property
     def count(self) -> int:

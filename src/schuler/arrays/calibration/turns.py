@@ -29,27 +29,14 @@ STEP = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TurnFit:
-    """The mean gyro against gravity.
+    """The mean gyro against gravity."""
 
-    Parameters
-    ----------
-    matrix : (3, 3) ndarray
-        X: the rate in the axes of the accelerometers is X times the mean rate.
-    matrix_sd : (3, 3) ndarray
-        Standard deviations.
-    deviation : float
-        Robust standard deviation of a component of the direction after a turn, rad.
-    before : float
-        The same without the matrix, rad.
-    turns : int
-        How many turns between poses.
-    """
-
+    # (3, 3): X: the rate in the axes of the accelerometers is X times the mean rate
     matrix: FloatArray
-    matrix_sd: FloatArray
-    deviation: float
-    before: float
-    turns: int
+    matrix_sd: FloatArray  # (3, 3): standard deviations
+    deviation: float  # robust standard deviation of a component of the direction after a turn, rad
+    before: float  # the same without the matrix, rad
+    turns: int  # how many turns between poses
 
 
 def fit_turns(

@@ -34,40 +34,20 @@ STEEPEST = 2.5
 
 @dataclass(frozen=True, slots=True)
 class ClockFit:
-    """The clock of one recording against that of the reference.
+    """The clock of one recording against that of the reference."""
 
-    Parameters
-    ----------
-    name : str
-        Of the recording.
-    epoch : float
-        Stamp of the recording for which the offset holds, s.
-    offset : float
-        Seconds to add to a stamp at the epoch to reach the reference's time.
-    rate_error : float
-        Seconds that the clock gains each second against the reference (100 ppm: 1e-4).
-    offset_sd, rate_error_sd : float
-        Standard deviations, from how the windows scatter.
-    correlation : float
-        Of the rate norms where the first offset was found.
-    jumps : tuple of (float, int)
-        Stamp from which samples are off by so many more steps.
-    windows : int
-        Windows that the fit rests on.
-    scatter : float
-        Standard deviation of the windows around the fit, s.
-    """
-
-    name: str
-    epoch: float
-    offset: float
+    name: str  # of the recording
+    epoch: float  # stamp of the recording for which the offset holds, s
+    offset: float  # seconds to add to a stamp at the epoch to reach the reference's time
+    # seconds that the clock gains each second against the reference (100 ppm: 1e-4)
     rate_error: float
+    # offset_sd, rate_error_sd: standard deviations, from how the windows scatter
     offset_sd: float
     rate_error_sd: float
-    correlation: float
-    jumps: tuple[tuple[float, int], ...]
-    windows: int
-    scatter: float
+    correlation: float  # of the rate norms where the first offset was found
+    jumps: tuple[tuple[float, int], ...]  # stamp from which samples are off by so many more steps
+    windows: int  # windows that the fit rests on
+    scatter: float  # standard deviation of the windows around the fit, s
 
     def to_reference(self, time: FloatArray, step: float = 0.0) -> FloatArray:
         """Return stamps of the recording on the reference's time."""

@@ -25,30 +25,17 @@ BLOCK = 0.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayEstimate:
-    """Delays of the IMUs of an array against their mean.
+    """Delays of the IMUs of an array against their mean."""
 
-    Parameters
-    ----------
-    delay : (k,) ndarray
-        Seconds by which the values of an IMU lag behind its stamps, minus the mean over the IMUs.
-    standard_deviation : (k,) ndarray
-        Of these, s, from how the windows scatter.
-    window_time : (w,) ndarray
-        Middle of each window, s.
-    window_delay : (w, k) ndarray
-        Delay in each window, s; NaN where there is too little motion.
-    window_sd : (w, k) ndarray
-        Standard deviations of these, s.
-    rotation : (k, 3, 3) ndarray
-        Takes the rates of an IMU into the mean axes.
-    """
-
+    # (k,): seconds by which the values of an IMU lag behind its stamps, minus the mean over the
+    # IMUs
     delay: FloatArray
-    standard_deviation: FloatArray
-    window_time: FloatArray
+    standard_deviation: FloatArray  # (k,): of these, s, from how the windows scatter
+    window_time: FloatArray  # (w,): middle of each window, s
+    # (w, k): delay in each window, s; NaN where there is too little motion.
     window_delay: FloatArray
-    window_sd: FloatArray
-    rotation: FloatArray
+    window_sd: FloatArray  # (w, k): standard deviations of these, s
+    rotation: FloatArray  # (k, 3, 3): takes the rates of an IMU into the mean axes
 
 
 def estimate_delays(

@@ -41,37 +41,18 @@ SHARE = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PollingTrack:
-    """Sampling phases of polled chips through one recording.
+    """Sampling phases of polled chips through one recording."""
 
-    Parameters
-    ----------
-    period : float
-        Internal sampling period, s.
-    period_sd : float
-        Standard deviation, s.
-    beat : (k,) ndarray
-        Cycles a second by which the delay of each IMU's sawtooth moves on; negative where it
-        falls.
-    origin : float
-        Stamp to which beats and phases refer, s.
-    block_time : (b,) ndarray
-        Stamps of the blocks in which there was motion, s.
-    phase : (b, k) ndarray
-        Cycles beyond beat times (time - origin), unwrapped.
-    phase_sd : (b, k) ndarray
-        Standard deviations, cycles.
-    evidence : (k,) ndarray
-        Log-likelihood gained over constant delays.
-    """
-
-    period: float
-    period_sd: float
+    period: float  # internal sampling period, s
+    period_sd: float  # standard deviation, s
+    # (k,): cycles a second by which the delay of each IMU's sawtooth moves on; negative where it
+    # falls.
     beat: FloatArray
-    origin: float
-    block_time: FloatArray
-    phase: FloatArray
-    phase_sd: FloatArray
-    evidence: FloatArray
+    origin: float  # stamp to which beats and phases refer, s
+    block_time: FloatArray  # (b,): stamps of the blocks in which there was motion, s
+    phase: FloatArray  # (b, k): cycles beyond beat times (time - origin), unwrapped
+    phase_sd: FloatArray  # (b, k): standard deviations, cycles
+    evidence: FloatArray  # (k,): Log-likelihood gained over constant delays
 
     def delay(self, time: FloatArray) -> FloatArray:
         """Return the age of every sample."""

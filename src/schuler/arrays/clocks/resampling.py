@@ -25,18 +25,11 @@ SAME_STAMP = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resampled:
-    """Values at other instants.
+    """Values at other instants."""
 
-    Parameters
-    ----------
-    values : (m, c) ndarray
-        NaN where no interpolation is possible.
-    noise_gain : (m,) ndarray
-        Variance of white noise after the interpolation, over that before: 1 on a sample, 0.70 in
-        the middle between samples for six taps; NaN where there is no value.
-    """
-
-    values: FloatArray
+    values: FloatArray  # (m, c): NaN where no interpolation is possible
+    # (m,): variance of white noise after the interpolation, over that before: 1 on a sample, 0.70
+    # in the middle between samples for six taps; NaN where there is no value.
     noise_gain: FloatArray
 
 

@@ -15,27 +15,14 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArrayNoise:
-    """Standard deviations of a sample and bias differences of every axis of an array.
+    """Standard deviations of a sample and bias differences of every axis of an array."""
 
-    Parameters
-    ----------
-    gyro_deviation : (k, 3) ndarray
-        rad/s; NaN where not known.
-    accel_deviation : (k, 3) ndarray
-        m/s².
-    gyro_bias : (k, 3) ndarray
-        Differences in the gauge of the mean of the sensors, in each sensor's axes, rad/s.
-    accel_bias : (k, 3) ndarray
-        m/s².
-    rate : float
-        Samples a second that the deviations belong to.
-    """
-
-    gyro_deviation: FloatArray
-    accel_deviation: FloatArray
+    gyro_deviation: FloatArray  # (k, 3): rad/s; NaN where not known.
+    accel_deviation: FloatArray  # (k, 3): m/s²
+    # (k, 3): differences in the gauge of the mean of the sensors, in each sensor's axes, rad/s
     gyro_bias: FloatArray
-    accel_bias: FloatArray
-    rate: float
+    accel_bias: FloatArray  # (k, 3): m/s²
+    rate: float  # samples a second that the deviations belong to
 
     def of(self, sensors: RedundantSensors) -> AxisNoise:
         """Return the part for one kind of sensor of an array of the same IMUs."""

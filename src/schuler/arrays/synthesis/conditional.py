@@ -21,24 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConditionalNoise:
-    """What the past says of the next sample of every axis.
+    """What the past says of the next sample of every axis."""
 
-    Parameters
-    ----------
-    mean : (n, M) ndarray
-        Of the residual, rad/s or m/s²; zero without an ARMA part.
-    variance : (n, M) ndarray
-        Of the sensor itself.
-    fits : tuple of ArmaGarchFit
-        Of each axis.
-    bias : (M,) ndarray
-        Mean residual on the part that was learnt from.
-    """
-
-    mean: FloatArray
-    variance: FloatArray
-    fits: tuple[ArmaGarchFit, ...]
-    bias: FloatArray
+    mean: FloatArray  # (n, M): of the residual, rad/s or m/s²; zero without an ARMA part.
+    variance: FloatArray  # (n, M): of the sensor itself
+    fits: tuple[ArmaGarchFit, ...]  # of each axis
+    bias: FloatArray  # (M,): mean residual on the part that was learnt from
 
     @property
     def flags(self) -> tuple[str, ...]:

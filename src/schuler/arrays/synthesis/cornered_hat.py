@@ -20,39 +20,20 @@ FLOOR = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CorneredHat:
-    """Variances of redundant sensors, and whether they may be believed.
+    """Variances of redundant sensors, and whether they may be believed."""
 
-    Parameters
-    ----------
-    variances : (M,) ndarray
-        Of each axis, square of the unit of the residuals.
-    standard_errors : (M,) ndarray
-        Of the variances, for Gaussian noise.
-    residual_variances : (M,) ndarray
-        What the residuals themselves show: shrunk towards one another.
-    floored : (M,) ndarray of bool
-        Variances that came out below the floor and were put there.
-    samples : float
-        Number of independent samples that the residuals are worth.
-    correlation : (M, M) ndarray
-        Of the residuals.
-    expected_correlation : (M, M) ndarray
-        That independent sensors with these variances would show.
-    p_value : float
-        Of the largest departure from it over all pairs: small means that sensors share errors.
-    pair : tuple of int
-        The two axes concerned.
-    """
-
-    variances: FloatArray
-    standard_errors: FloatArray
+    variances: FloatArray  # (M,): of each axis, square of the unit of the residuals
+    standard_errors: FloatArray  # (M,): of the variances, for Gaussian noise
+    # (M,): what the residuals themselves show: shrunk towards one another
     residual_variances: FloatArray
-    floored: NDArray[np.bool_]
-    samples: float
-    correlation: FloatArray
+    floored: NDArray[np.bool_]  # (M,): variances that came out below the floor and were put there
+    samples: float  # number of independent samples that the residuals are worth
+    correlation: FloatArray  # (M, M): of the residuals
+    # (M, M): that independent sensors with these variances would show
     expected_correlation: FloatArray
+    # of the largest departure from it over all pairs: small means that sensors share errors
     p_value: float
-    pair: tuple[int, int]
+    pair: tuple[int, int]  # the two axes concerned
 
     @property
     def deviations(self) -> FloatArray:

@@ -28,36 +28,17 @@ FEW = 4000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedSensor:
-    """The fused rate or specific force of an array.
+    """The fused rate or specific force of an array."""
 
-    Parameters
-    ----------
-    sensors : RedundantSensors
-        What it was made of.
-    vectors : (n, 3) ndarray
-        In the body, rad/s or m/s²; NaN where too few axes were there.
-    covariance : (p, 3, 3) ndarray
-        Of a sample, of each block or each set of axes.
-    which : (n,) ndarray of int
-        Which of them belongs to each sample.
-    weight_time : (b,) ndarray
-        Stamps of the weights, s.
-    weight : (b, M) ndarray
-        Share of each axis in the information.
-    deviation : (b, M) ndarray
-        Standard deviation of a sample of each axis as it was used, rad/s or m/s².
-    followed : Followed or None
-        Statistics of the on-line run.
-    """
-
-    sensors: RedundantSensors
-    vectors: FloatArray
-    covariance: FloatArray
-    which: NDArray[np.int64]
-    weight_time: FloatArray
-    weight: FloatArray
+    sensors: RedundantSensors  # what it was made of
+    vectors: FloatArray  # (n, 3): in the body, rad/s or m/s²; NaN where too few axes were there.
+    covariance: FloatArray  # (p, 3, 3): of a sample, of each block or each set of axes
+    which: NDArray[np.int64]  # (n,): which of them belongs to each sample
+    weight_time: FloatArray  # (b,): stamps of the weights, s
+    weight: FloatArray  # (b, M): share of each axis in the information
+    # (b, M): standard deviation of a sample of each axis as it was used, rad/s or m/s²
     deviation: FloatArray
-    followed: Followed | None = None
+    followed: Followed | None = None  # statistics of the on-line run
 
     @classmethod
     def from_followed(cls, followed: Followed) -> FusedSensor:

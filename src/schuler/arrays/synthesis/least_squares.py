@@ -17,22 +17,13 @@ PASS = 4096
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeastSquares:
-    """How M axes become one vector.
+    """How M axes become one vector."""
 
-    Parameters
-    ----------
-    axes : (M, 3) ndarray
-        A.
-    pi : (3, M) ndarray
-        (A' P A)^-1 A' P with P the inverse of the covariance of the measurements: a left inverse
-        of A, not a projector (E-002-2).
-    covariance : (3, 3) ndarray
-        (A' P A)^-1, of the fused vector.
-    """
-
-    axes: FloatArray
+    axes: FloatArray  # (M, 3): A
+    # (3, M): (A' P A)^-1 A' P with P the inverse of the covariance of the measurements: a left
+    # inverse of A, not a projector (E-002-2)
     pi: FloatArray
-    covariance: FloatArray
+    covariance: FloatArray  # (3, 3): (A' P A)^-1, of the fused vector
 
     @property
     def residual(self) -> FloatArray:

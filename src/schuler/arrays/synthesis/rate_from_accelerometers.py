@@ -30,21 +30,12 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArrayRate:
-    """Angular rate of an array by all of its sensors.
+    """Angular rate of an array by all of its sensors."""
 
-    Parameters
-    ----------
-    rate : (n, 3) ndarray
-        In the body, rad/s.
-    bound : (n, 3, 3) ndarray
-        Cramér-Rao bound: no unbiased estimate has a smaller covariance, (rad/s)².
-    saturated : (n,) ndarray of bool
-        Samples in which some gyro was out of range.
-    """
-
-    rate: FloatArray
+    rate: FloatArray  # (n, 3): in the body, rad/s
+    # (n, 3, 3): cramér-Rao bound: no unbiased estimate has a smaller covariance, (rad/s)²
     bound: FloatArray
-    saturated: BoolArray
+    saturated: BoolArray  # (n,): samples in which some gyro was out of range
 
 
 def rate_from_array(
@@ -133,25 +124,14 @@ def saturated_samples(gyros: RedundantSensors, gyro_range: float) -> BoolArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeyondRange(ToDict):
-    """Samples of an array in which gyros were out of range.
-
-    Parameters
-    ----------
-    gyro_range : float
-        Full scale of the gyros, rad/s.
-    samples : int
-        How many had a gyro out of range.
-    found : int
-        In how many of them the accelerometers told the rate.
-    bound : (3,) ndarray
-        Root mean square of the Cramér-Rao bound of these, along the axes of the body, rad/s.
-    """
+    """Samples of an array in which gyros were out of range."""
 
     JSON = "gyro_range_rad_s=gyro_range samples found bound_rad_s=bound"
 
-    gyro_range: float
-    samples: int
-    found: int
+    gyro_range: float  # full scale of the gyros, rad/s
+    samples: int  # how many had a gyro out of range
+    found: int  # in how many of them the accelerometers told the rate
+    # (3,): root mean square of the Cramér-Rao bound of these, along the axes of the body, rad/s
     bound: FloatArray
 
 

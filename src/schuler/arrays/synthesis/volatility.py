@@ -20,30 +20,15 @@ Divisor = Literal["unbiased", "paper"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AveragedVolatility:
-    """One variance for all sensors, as it changes through time.
+    """One variance for all sensors, as it changes through time."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        s.
-    variance : (n,) ndarray
-        Of one sample of one axis; NaN where the window holds nothing.
-    relative_error : (n,) ndarray
-        Standard error of the variance over the variance, for constant Gaussian noise.
-    half_window : int
-        T: the window has 2T + 1 samples.
-    causal : bool
-        The window ends at the sample instead of being centred on it.
-    divisor : str
-        "unbiased" or "paper".
-    """
-
-    time: FloatArray
-    variance: FloatArray
+    time: FloatArray  # (n,): s
+    variance: FloatArray  # (n,): of one sample of one axis; NaN where the window holds nothing.
+    # (n,): standard error of the variance over the variance, for constant Gaussian noise
     relative_error: FloatArray
-    half_window: int
-    causal: bool
-    divisor: str
+    half_window: int  # T: the window has 2T + 1 samples
+    causal: bool  # the window ends at the sample instead of being centred on it
+    divisor: str  # "unbiased" or "paper"
 
     @property
     def deviation(self) -> FloatArray:

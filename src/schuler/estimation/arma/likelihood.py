@@ -19,24 +19,12 @@ _UNTOLD = np.zeros((3, 0))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihood:
-    """The likelihood at given coefficients, highest over mean and innovation variance.
+    """The likelihood at given coefficients, highest over mean and innovation variance."""
 
-    Parameters
-    ----------
-    value : float
-        Logarithm of the likelihood.
-    mean : float
-        Mean by generalised least squares.
-    variance : float
-        Innovation variance.
-    known_mean : bool
-        The mean is zero and was not estimated.
-    """
-
-    value: float
-    mean: float
-    variance: float
-    known_mean: bool = False
+    value: float  # logarithm of the likelihood
+    mean: float  # mean by generalised least squares
+    variance: float  # innovation variance
+    known_mean: bool = False  # the mean is zero and was not estimated
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,24 +20,16 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class ArmaCandidate:
-    """One order of a selection.
+    """One order of a selection."""
 
-    Parameters
-    ----------
-    p, q : int
-        Orders.
-    log_likelihood, aic, bic : float
-        On the same samples for all orders.
-    rejected : str
-        Why it cannot be chosen; empty if it can.
-    """
-
+    # p, q: orders
     p: int
     q: int
+    # log_likelihood, aic, bic: on the same samples for all orders
     log_likelihood: float
     aic: float
     bic: float
-    rejected: str
+    rejected: str  # why it cannot be chosen; empty if it can.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

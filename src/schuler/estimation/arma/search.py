@@ -32,25 +32,14 @@ _PAIRS = ((0.995, 0.97), (-0.95, -0.98), (-0.98, -0.95), (0.97, 0.99))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Climb:
-    """Where a climb ended.
+    """Where a climb ended."""
 
-    Parameters
-    ----------
-    coefficients : (p + q,) ndarray
-        phi, theta.
-    at : Likelihood
-        There.
-    distance : float
-        Squared distance to the maximum in standard errors, by the slope that is left (Newton's
-        decrement); twice the gain in likelihood that one more step promises.
-    steps : int
-        Steps taken.
-    """
-
-    coefficients: FloatArray
-    at: Likelihood
+    coefficients: FloatArray  # (p + q,): phi, theta
+    at: Likelihood  # there
+    # squared distance to the maximum in standard errors, by the slope that is left (Newton's
+    # decrement); twice the gain in likelihood that one more step promises.
     distance: float
-    steps: int
+    steps: int  # steps taken
 
 
 def climb(

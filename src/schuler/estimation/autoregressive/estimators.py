@@ -26,40 +26,22 @@ _ROWS = 8192
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orders:
-    """Coefficients of orders 1 .. r by one estimator, in units of the scaled signal.
+    """Coefficients of orders 1 .. r by one estimator, in units of the scaled signal."""
 
-    Parameters
-    ----------
-    coefficients : (r, r) ndarray
-        Row k - 1 holds a_1 .. a_k, then zeros.
-    error : (r + 1,) ndarray
-        The estimator's own mean squared one-step error of orders 0 .. r.
-    solver : tuple of str
-        How each order was solved: "levinson", "lattice", "normal equations" or "QR".
-    reflection : (r,) ndarray or None
-        Where the estimator works with them; the same for all orders.
-    """
-
-    coefficients: FloatArray
-    error: FloatArray
+    coefficients: FloatArray  # (r, r): row k - 1 holds a_1 .. a_k, then zeros.
+    error: FloatArray  # (r + 1,): the estimator's own mean squared one-step error of orders 0 .. r.
+    # how each order was solved: "levinson", "lattice", "normal equations" or "QR"
     solver: tuple[str, ...]
+    # (r,): where the estimator works with them; the same for all orders.
     reflection: FloatArray | None = None
 
 
 @dataclass(slots=True)
 class LagTable:
-    """Lag products of a signal, and the ends that Gram matrices leave out.
+    """Lag products of a signal, and the ends that Gram matrices leave out."""
 
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        Scaled samples.
-    order : int
-        Highest lag.
-    """
-
-    signal: FloatArray
-    order: int
+    signal: FloatArray  # (n,): scaled samples
+    order: int  # highest lag
     products: FloatArray = field(init=False)
     _head: FloatArray = field(init=False)
     _tail: FloatArray = field(init=False)

@@ -55,27 +55,14 @@ _SOLVER_FLOOR = (1000.0 * float(np.finfo(np.float64).eps)) ** 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArOrders:
-    """Autoregressive models of all orders from one pass.
+    """Autoregressive models of all orders from one pass."""
 
-    Parameters
-    ----------
-    method : str
-        Estimator.
-    coefficients : (r, r) ndarray
-        Row k - 1 holds a_1 .. a_k of order k, then zeros.
-    innovation_variance : (r + 1,) ndarray
-        Of orders 0 .. r in u², as the method defines it (see `ArFit`).
-    solver : tuple of str
-        How each order was solved.
-    requested : int
-        Orders asked for; r is less where the signal is exactly predictable before.
-    """
-
-    method: str
-    coefficients: FloatArray
+    method: str  # estimator
+    coefficients: FloatArray  # (r, r): row k - 1 holds a_1 .. a_k of order k, then zeros.
+    # (r + 1,): of orders 0 .. r in u², as the method defines it (see `ArFit`).
     innovation_variance: FloatArray
-    solver: tuple[str, ...]
-    requested: int
+    solver: tuple[str, ...]  # how each order was solved
+    requested: int  # orders asked for; r is less where the signal is exactly predictable before.
 
     @property
     def reached(self) -> int:

@@ -23,45 +23,25 @@ Criterion = Literal["bic", "aic", "aicc"]
 
 @dataclass(frozen=True, slots=True)
 class Caution:
-    """Something to know before a result is used.
+    """Something to know before a result is used."""
 
-    Parameters
-    ----------
-    kind : str
-        Short name, e.g. "unstable".
-    text : str
-        The same in plain words, with numbers.
-    """
-
-    kind: str
-    text: str
+    kind: str  # short name, e.g. "unstable".
+    text: str  # the same in plain words, with numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArSelection(ToDict):
-    """Information criteria of all orders, on the same samples.
+    """Information criteria of all orders, on the same samples."""
 
-    Parameters
-    ----------
-    criterion : str
-        The one that chose: "bic", "aic" or "aicc".
-    order : int
-        The chosen order.
-    mean_square_error : (p + 1,) ndarray
-        One-step errors of orders 0 .. p on n = p+1 .. N, in u².
-    aic, aicc, bic : (p + 1,) ndarray
-        Smaller is better.
-    samples : int
-        N - p, the same for every order.
-    """
-
-    criterion: str
-    order: int
+    criterion: str  # the one that chose: "bic", "aic" or "aicc"
+    order: int  # the chosen order
+    # (p + 1,): One-step errors of orders 0 .. p on n = p+1 .. N, in u².
     mean_square_error: FloatArray
+    # aic, aicc, bic: (p + 1,) smaller is better
     aic: FloatArray
     aicc: FloatArray
     bic: FloatArray
-    samples: int
+    samples: int  # N - p, the same for every order
 
 
 @dataclass(frozen=True, slots=True, eq=False)

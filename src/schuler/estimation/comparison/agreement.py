@@ -13,34 +13,17 @@ from schuler.estimation.identification import Identification
 
 @dataclass(frozen=True, slots=True)
 class Agreement(ToDict):
-    """One parameter over several runs.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as "white_noise.density".
-    value : float
-        Weighted mean over the runs (of logarithms), SI.
-    standard_error : float
-        Of that mean, if the runs share one value.
-    chi_square : float
-        Sum of squared deviations from the mean over the squared errors.
-    degrees_of_freedom : int
-        Runs less one.
-    p_value : float
-        Probability of a larger chi-square if the runs share one value.
-    between : float
-        Relative standard deviation from run to run beyond the errors (DerSimonian-Laird).
-    """
+    """One parameter over several runs."""
 
     JSON = "* shared"
 
-    parameter: str
-    value: float
-    standard_error: float
-    chi_square: float
-    degrees_of_freedom: int
-    p_value: float
+    parameter: str  # such as "white_noise.density"
+    value: float  # weighted mean over the runs (of logarithms), SI
+    standard_error: float  # of that mean, if the runs share one value
+    chi_square: float  # sum of squared deviations from the mean over the squared errors
+    degrees_of_freedom: int  # runs less one
+    p_value: float  # probability of a larger chi-square if the runs share one value
+    # relative standard deviation from run to run beyond the errors (DerSimonian-Laird)
     between: float
 
     @property

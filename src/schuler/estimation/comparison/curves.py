@@ -20,43 +20,25 @@ _LAGS_PER_DECADE = 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CorrelationPoints:
-    """Autocorrelation averaged over neighbouring lags, the same number of points in each decade.
+    """Autocorrelation averaged over neighbouring lags, the same number of points in each decade."""
 
-    Parameters
-    ----------
-    lag : (k,) ndarray
-        Mean lag of every point in s.
-    correlation : (k,) ndarray
-        Mean of the correlations there.
-    band : (k,) ndarray
-        Half width of the 95 % band of white noise, whatever its variance does.
-    first, last : (k,) ndarray of int
-        Lags in samples that were averaged, both included.
-    """
-
-    lag: FloatArray
-    correlation: FloatArray
-    band: FloatArray
+    lag: FloatArray  # (k,): mean lag of every point in s
+    correlation: FloatArray  # (k,): mean of the correlations there
+    band: FloatArray  # (k,): half width of the 95 % band of white noise, whatever its variance does
+    # first, last: (k,) lags in samples that were averaged, both included
     first: IntArray
     last: IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Theory(ToDict):
-    """What a process says the curves are; None where it cannot say.
+    """What a process says the curves are; None where it cannot say."""
 
-    Parameters
-    ----------
-    allan : (t,) ndarray or None
-        Allan deviation at the cluster times of the measured curve, in u.
-    density : (b,) ndarray or None
-        Two-sided density of the samples at the frequencies of the measured curve, in u²/Hz.
-    correlation : (k,) ndarray or None
-        Mean autocorrelation of records of this length, at the lags of the measured curve.
-    """
-
+    # (t,): Allan deviation at the cluster times of the measured curve, in u
     allan: FloatArray | None
+    # (b,): Two-sided density of the samples at the frequencies of the measured curve, in u²/Hz
     density: FloatArray | None
+    # (k,): mean autocorrelation of records of this length, at the lags of the measured curve
     correlation: FloatArray | None
 
 

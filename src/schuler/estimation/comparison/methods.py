@@ -54,21 +54,11 @@ _FLOOR_SAMPLES = 1024
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volatility:
-    """The standard deviation of one-step errors through time, in blocks.
+    """The standard deviation of one-step errors through time, in blocks."""
 
-    Parameters
-    ----------
-    time : (b,) ndarray
-        Middle of every block in s from the start.
-    model : (b,) ndarray
-        What GARCH says, root of the mean variance, in u.
-    measured : (b,) ndarray
-        Root mean square of the one-step errors, in u.
-    """
-
-    time: FloatArray
-    model: FloatArray
-    measured: FloatArray
+    time: FloatArray  # (b,): middle of every block in s from the start
+    model: FloatArray  # (b,): what GARCH says, root of the mean variance, in u
+    measured: FloatArray  # (b,): root mean square of the one-step errors, in u
 
 
 @dataclass(frozen=True, slots=True, eq=False)

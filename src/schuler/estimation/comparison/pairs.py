@@ -27,49 +27,28 @@ class Fitted(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ComparedParameter:
-    """One parameter by two methods.
+    """One parameter by two methods."""
 
-    Parameters
-    ----------
-    parameter : str
-        Such as "white_noise.density".
-    first, second : float
-        Values, SI.
-    first_error, second_error : float
-        Standard errors.
-    difference : float
-        (first - second) over the root of the sum of the squared errors.
-    relative : float
-        first/second - 1.
-    """
-
-    parameter: str
+    parameter: str  # such as "white_noise.density"
+    # first, second: values, SI
     first: float
     second: float
+    # first_error, second_error: standard errors
     first_error: float
     second_error: float
-    difference: float
-    relative: float
+    difference: float  # (first - second) over the root of the sum of the squared errors
+    relative: float  # first/second - 1
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterComparison(ToDict):
-    """What two methods say about the same signal.
-
-    Parameters
-    ----------
-    methods : (str, str)
-        Their names.
-    rows : tuple of ComparedParameter
-        Parameters that both have.
-    only_first, only_second : tuple of str
-        Parameters of one alone.
-    """
+    """What two methods say about the same signal."""
 
     JSON = "methods rows only_first only_second outside_2_sd=outside findings"
 
-    methods: tuple[str, str]
-    rows: tuple[ComparedParameter, ...]
+    methods: tuple[str, str]  # their names
+    rows: tuple[ComparedParameter, ...]  # parameters that both have
+    # only_first, only_second: parameters of one alone
     only_first: tuple[str, ...]
     only_second: tuple[str, ...]
 

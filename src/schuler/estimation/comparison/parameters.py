@@ -22,36 +22,25 @@ and the robust one asks for the bulk of the samples, which outliers set apart fr
 
 @dataclass(frozen=True, slots=True)
 class ParameterAgreement(ToDict):
-    """One parameter as several methods find it.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as "white_noise.density"; Gauss-Markov noises are numbered by correlation time where
-        there is more than one.
-    values, standard_errors : dict of str to float
-        By method, SI.
-    differences : dict of str to float
-        Of each method from the first, of logarithms, in combined standard deviations. The
-        methods share their data, so their errors are not independent and the true significance
-        is higher.
-    worst : float
-        Largest difference between any two methods that have a say; 0 if there are fewer than two.
-    worst_pair : tuple of str
-        Which two; empty if there are none.
-    """
+    """One parameter as several methods find it."""
 
     JSON = (
         "parameter values standard_errors differences_in_combined_sd=differences worst "
         "worst_pair agree"
     )
 
+    # such as "white_noise.density"; Gauss-Markov noises are numbered by correlation time where
+    # there is more than one.
     parameter: str
+    # values, standard_errors: by method, SI
     values: dict[str, float]
     standard_errors: dict[str, float]
+    # of each method from the first, of logarithms, in combined standard deviations. The methods
+    # share their data, so their errors are not independent and the true significance is higher.
     differences: dict[str, float]
+    # largest difference between any two methods that have a say; 0 if there are fewer than two.
     worst: float
-    worst_pair: tuple[str, ...]
+    worst_pair: tuple[str, ...]  # which two; empty if there are none.
 
     @property
     def agree(self) -> bool | None:

@@ -31,31 +31,21 @@ class _Run:
 
 @dataclass(frozen=True, slots=True)
 class PooledParameter(ToDict):
-    """One parameter of one channel over all runs, by several methods.
-
-    Parameters
-    ----------
-    channel, parameter : str
-        Which.
-    pooled : dict of str to Agreement
-        By method: weighted mean over the runs, its error, and whether the runs share one value.
-    runs : dict of str to tuple of (float, float) or None
-        By method: value and standard error of every run, None where a run has none.
-    worst : float
-        Largest difference of the pooled values of any two methods in combined standard
-        deviations; where runs differ beyond their errors, their scatter is in the errors.
-    worst_pair : tuple of str
-        Which two methods; empty if fewer than two have it.
-    """
+    """One parameter of one channel over all runs, by several methods."""
 
     JSON = "channel parameter pooled runs worst worst_pair agree"
 
+    # channel, parameter: which
     channel: str
     parameter: str
+    # by method: weighted mean over the runs, its error, and whether the runs share one value
     pooled: dict[str, Agreement]
+    # by method: value and standard error of every run, None where a run has none
     runs: dict[str, tuple[tuple[float, float] | None, ...]]
+    # largest difference of the pooled values of any two methods in combined standard deviations;
+    # where runs differ beyond their errors, their scatter is in the errors.
     worst: float
-    worst_pair: tuple[str, ...]
+    worst_pair: tuple[str, ...]  # which two methods; empty if fewer than two have it.
 
     @property
     def agree(self) -> bool | None:
@@ -70,23 +60,13 @@ class PooledParameter(ToDict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplicateComparison(ToDict):
-    """All parameters of all channels over several runs of one sensor.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of the runs.
-    parameters : tuple of PooledParameter
-        By channel and parameter.
-    findings : tuple of str
-        What is worth knowing, in plain language.
-    """
+    """All parameters of all channels over several runs of one sensor."""
 
     JSON = "runs=names parameters findings"
 
-    names: tuple[str, ...]
-    parameters: tuple[PooledParameter, ...]
-    findings: tuple[str, ...]
+    names: tuple[str, ...]  # of the runs
+    parameters: tuple[PooledParameter, ...]  # by channel and parameter
+    findings: tuple[str, ...]  # what is worth knowing, in plain language
 
 
 def compare_replicates(

@@ -34,21 +34,11 @@ _RULES = Rules(damping=1e-3, longest=2.0, ridge=1e-9, gain=(1e-4, 1e-3), iterati
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Regression:
-    """A signal less what follows its columns.
+    """A signal less what follows its columns."""
 
-    Parameters
-    ----------
-    signal : (n,) ndarray
-        What is left.
-    effects : tuple of Effect
-        What was taken, in u per unit of the column.
-    flags : tuple of str
-        Columns that could not be used, and why.
-    """
-
-    signal: FloatArray
-    effects: tuple[Effect, ...]
-    flags: tuple[str, ...]
+    signal: FloatArray  # (n,): what is left
+    effects: tuple[Effect, ...]  # what was taken, in u per unit of the column
+    flags: tuple[str, ...]  # columns that could not be used, and why
 
     def to_dict(self) -> list[dict[str, Any]]:
         """Return plain Python for JSON, SI."""

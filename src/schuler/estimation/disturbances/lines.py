@@ -26,28 +26,16 @@ _FEWEST_SAMPLES = 1200
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line in the spectrum of a signal.
+    """A line in the spectrum of a signal."""
 
-    Parameters
-    ----------
-    frequency : float
-        Hz, as the samples show it.
-    amplitude : float
-        Of the sinusoid; of a wandering line, sqrt(2) times its root mean square, in u.
-    frequency_error, amplitude_error : float
-        Standard errors.
-    steady : bool
-        One sinusoid throughout, not a band.
-    rate : float
-        Samples a second.
-    """
-
-    frequency: float
+    frequency: float  # hz, as the samples show it
+    # of the sinusoid; of a wandering line, sqrt(2) times its root mean square, in u.
     amplitude: float
+    # frequency_error, amplitude_error: standard errors
     frequency_error: float
     amplitude_error: float
-    steady: bool
-    rate: float
+    steady: bool  # one sinusoid throughout, not a band
+    rate: float  # samples a second
 
     @property
     def aliases(self) -> tuple[float, float]:

@@ -18,21 +18,11 @@ _LEAST, _CHANCE = 0.005, 15.0
 
 @dataclass(frozen=True, slots=True)
 class Contamination:
-    """How far the differences of a signal are from those of its bulk.
+    """How far the differences of a signal are from those of its bulk."""
 
-    Parameters
-    ----------
-    ratio : float
-        Variance of the differences over its robust value.
-    share : float
-        Share of the differences beyond six robust standard deviations.
-    serious : bool
-        More than chance, and carried by outliers.
-    """
-
-    ratio: float
-    share: float
-    serious: bool
+    ratio: float  # variance of the differences over its robust value
+    share: float  # share of the differences beyond six robust standard deviations
+    serious: bool  # more than chance, and carried by outliers
 
     @property
     def words(self) -> str:

@@ -18,36 +18,16 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """A signal made ready, and what to say about it.
+    """A signal made ready, and what to say about it."""
 
-    Parameters
-    ----------
-    raw : (n,) ndarray
-        As recorded.
-    followed : (n,) ndarray
-        Less what follows its columns.
-    values : (n,) ndarray
-        Less its lines too.
-    rate : float
-        Samples a second.
-    lines : tuple of Line
-        What was taken out.
-    effects : tuple of Effect
-        What follows a column, taken out.
-    contamination : Contamination
-        How far outliers reach.
-    notes : tuple of str
-        What could not be used, and why.
-    """
-
-    raw: FloatArray
-    followed: FloatArray
-    values: FloatArray
-    rate: float
-    lines: tuple[Line, ...]
-    effects: tuple[Effect, ...]
-    contamination: Contamination
-    notes: tuple[str, ...]
+    raw: FloatArray  # (n,): as recorded
+    followed: FloatArray  # (n,): less what follows its columns
+    values: FloatArray  # (n,): less its lines too
+    rate: float  # samples a second
+    lines: tuple[Line, ...]  # what was taken out
+    effects: tuple[Effect, ...]  # what follows a column, taken out
+    contamination: Contamination  # how far outliers reach
+    notes: tuple[str, ...]  # what could not be used, and why
 
     @property
     def robust(self) -> bool:

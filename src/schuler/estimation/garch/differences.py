@@ -18,27 +18,14 @@ _RULES = Rules(damping=1e-3, longest=1.0, ridge=1e-10, close=1e-8, rounding=1e-1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Top:
-    """Where a climb ended.
+    """Where a climb ended."""
 
-    Parameters
-    ----------
-    at : (k,) ndarray
-        There.
-    value : float
-        Log likelihood.
-    hessian : (k, k) ndarray
-        Inverse of the observed information: the covariance if the law is as assumed.
-    sandwich : (k, k) ndarray
-        Covariance whatever the law.
-    converged : bool
-        The climb ended by itself.
-    """
-
-    at: FloatArray
-    value: float
+    at: FloatArray  # (k,): there
+    value: float  # log likelihood
+    # (k, k): inverse of the observed information: the covariance if the law is as assumed
     hessian: FloatArray
-    sandwich: FloatArray
-    converged: bool
+    sandwich: FloatArray  # (k, k): covariance whatever the law
+    converged: bool  # the climb ended by itself
 
 
 def climb_samples(

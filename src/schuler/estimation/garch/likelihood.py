@@ -40,42 +40,20 @@ class StartEnd:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GarchSolution:
-    """The highest maximum found, in units of the scaled noise.
+    """The highest maximum found, in units of the scaled noise."""
 
-    Parameters
-    ----------
-    parameters : (p + q + 1,) ndarray
-        alpha0, alpha, beta.
-    covariance : (p + q + 1, p + q + 1) ndarray
-        QMLE sandwich.
-    hessian : (p + q + 1, p + q + 1) ndarray or None
-        Inverse of the observed information, right where Z is as assumed; None where tied.
-    value : float
-        -1/2 sum (ln s + e²/s).
-    distance : float
-        Squared distance to the maximum in standard errors.
-    singular : bool
-        Some combination of the parameters is not determined.
-    constant : bool
-        The weights of all past squares are zero.
-    targeted : bool
-        alpha0 was tied to the sample variance.
-    before : float
-        Variance before the first sample.
-    starts : tuple of StartEnd
-        All starts.
-    """
-
-    parameters: FloatArray
-    covariance: FloatArray
+    parameters: FloatArray  # (p + q + 1,): alpha0, alpha, beta
+    covariance: FloatArray  # (p + q + 1, p + q + 1): QMLE sandwich
+    # (p + q + 1, p + q + 1): inverse of the observed information, right where Z is as assumed; None
+    # where tied.
     hessian: FloatArray | None
-    value: float
-    distance: float
-    singular: bool
-    constant: bool
-    targeted: bool
-    before: float
-    starts: tuple[StartEnd, ...]
+    value: float  # -1/2 sum (ln s + e²/s)
+    distance: float  # squared distance to the maximum in standard errors
+    singular: bool  # some combination of the parameters is not determined
+    constant: bool  # the weights of all past squares are zero
+    targeted: bool  # alpha0 was tied to the sample variance
+    before: float  # variance before the first sample
+    starts: tuple[StartEnd, ...]  # all starts
 
     @property
     def persistence(self) -> float:

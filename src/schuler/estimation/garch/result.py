@@ -23,21 +23,13 @@ Method = Literal["maximum likelihood", "variance targeting", "ewma", "constant"]
 
 @dataclass(frozen=True, slots=True)
 class GarchStart:
-    """Where one start of the search began and ended.
+    """Where one start of the search began and ended."""
 
-    Parameters
-    ----------
-    alpha, beta : float
-        Sums of the weights at the start.
-    log_likelihood : float
-        At the end.
-    converged : bool
-        It ended within a hundredth of a standard error of a maximum. The best is then refined.
-    """
-
+    # alpha, beta: sums of the weights at the start
     alpha: float
     beta: float
-    log_likelihood: float
+    log_likelihood: float  # at the end
+    # it ended within a hundredth of a standard error of a maximum. The best is then refined.
     converged: bool
 
 

@@ -22,55 +22,27 @@ CLOSE_ENOUGH = 1e-13
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A likelihood to climb.
+    """A likelihood to climb."""
 
-    Parameters
-    ----------
-    evaluate : callable
-        From parameters to value, gradient and expected information.
-    lower : (k,) ndarray
-        Lower bounds, -inf for none.
-    positive : (k,) ndarray of bool
-        Parameters that approach their lower bound but never reach it.
-    weights : (k,) ndarray of bool
-        Parameters whose sum stays below one.
-    allowed : callable
-        Any further condition on the parameters.
-    """
-
+    # from parameters to value, gradient and expected information
     evaluate: Callable[[FloatArray], Answer]
-    lower: FloatArray
+    lower: FloatArray  # (k,): lower bounds, -inf for none
+    # (k,): parameters that approach their lower bound but never reach it
     positive: NDArray[np.bool_]
-    weights: NDArray[np.bool_]
-    allowed: Callable[[FloatArray], bool]
+    weights: NDArray[np.bool_]  # (k,): parameters whose sum stays below one
+    allowed: Callable[[FloatArray], bool]  # any further condition on the parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Summit:
-    """Where a climb ended.
+    """Where a climb ended."""
 
-    Parameters
-    ----------
-    parameters : (k,) ndarray
-        There.
-    value : float
-        Of the likelihood.
-    gradient : (k,) ndarray
-        Of the likelihood.
-    information : (k, k) ndarray
-        Expected.
-    free : (k,) ndarray of bool
-        False for parameters held at their bound.
-    distance : float
-        Squared distance to the maximum over the free parameters in standard errors.
-    """
-
-    parameters: FloatArray
-    value: float
-    gradient: FloatArray
-    information: FloatArray
-    free: NDArray[np.bool_]
-    distance: float
+    parameters: FloatArray  # (k,): there
+    value: float  # of the likelihood
+    gradient: FloatArray  # (k,): of the likelihood
+    information: FloatArray  # (k, k): expected
+    free: NDArray[np.bool_]  # (k,): False for parameters held at their bound
+    distance: float  # squared distance to the maximum over the free parameters in standard errors
 
 
 def climb(

@@ -40,17 +40,11 @@ class MomentFit(FittedParts):
     The cost is J, the whitened misfit, of cube roots (nearly normal at every scale); the
     covariance is the sandwich; it has converged where every minimisation ended by itself and the
     weights stood.
-
-    Parameters
-    ----------
-    degrees_of_freedom : int
-        Scales of all curves less parameters.
-    wvic : float
-        J plus twice the optimism tr(Omega cov(nu_hat, nu(theta_hat))): 2 p where Omega is the
-        inverse covariance.
     """
 
-    degrees_of_freedom: int
+    degrees_of_freedom: int  # scales of all curves less parameters
+    # J plus twice the optimism tr(Omega cov(nu_hat, nu(theta_hat))): 2 p where Omega is the inverse
+    # covariance
     wvic: float
 
 

@@ -25,31 +25,18 @@ _SAMPLE = 20_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordSums:
-    """Sums over a record, or over several of one sensor: those of a week are those of its days.
+    """Sums over a record, or over several of one sensor: those of a week are those of its days."""
 
-    Parameters
-    ----------
-    channels : tuple of str
-        Columns of the sums.
-    allan : AllanSums
-        For the Allan deviation and the wavelet variance.
-    spectrum : SpectrumSums
-        For the power spectral density.
-    sample : ImuRecording
-        The first samples at rest.
-    pieces, left_out, knocks : int
-        Pieces that were read, those that were not used, knocks that were cut out.
-    seen : dict of str to (int, str)
-        Kinds of findings of the screening: in how many pieces, and the first message.
-    """
-
-    channels: tuple[str, ...]
-    allan: AllanSums
-    spectrum: SpectrumSums
-    sample: ImuRecording
+    channels: tuple[str, ...]  # columns of the sums
+    allan: AllanSums  # for the Allan deviation and the wavelet variance
+    spectrum: SpectrumSums  # for the power spectral density
+    sample: ImuRecording  # the first samples at rest
+    # pieces, left_out, knocks: pieces that were read, those that were not used, knocks that were
+    # cut out
     pieces: int
     left_out: int
     knocks: int
+    # kinds of findings of the screening: in how many pieces, and the first message
     seen: dict[str, tuple[int, str]]
 
     def __add__(self, other: RecordSums) -> RecordSums:

@@ -18,18 +18,11 @@ _BLOCK_NUMBERS = 2**18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Terms that a search may choose from: lagged samples and products of two of them.
+    """Terms that a search may choose from: lagged samples and products of two of them."""
 
-    Parameters
-    ----------
-    sources : (c, 2) ndarray of int
-        Signal of each factor: 0 the signal itself, 1 .. the inputs; second -1 if linear.
-    lags : (c, 2) ndarray of int
-        Lag of each factor.
-    """
-
+    # (c, 2): signal of each factor: 0 the signal itself, 1 .. the inputs; second -1 if linear.
     sources: IntArray
-    lags: IntArray
+    lags: IntArray  # (c, 2): lag of each factor
 
     @classmethod
     def all_up_to(cls, max_lag: int, degree: int, inputs: int, input_lags: int) -> Candidates:
@@ -61,22 +54,13 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """The signal and its inputs, centred and scaled for the search.
+    """The signal and its inputs, centred and scaled for the search."""
 
-    Parameters
-    ----------
-    values : (s, n) ndarray
-        Centred and scaled, the signal first.
-    means, scales : (s,) ndarray
-        Mean over scale, and scale.
-    series : Series
-        The signal itself.
-    """
-
-    values: FloatArray
+    values: FloatArray  # (s, n): centred and scaled, the signal first
+    # means, scales: (s,) mean over scale, and scale
     means: FloatArray
     scales: FloatArray
-    series: Series
+    series: Series  # the signal itself
 
     def blocks(self, candidates: Candidates, first: int) -> Iterator[FloatArray]:
         """Blocks of (1, candidates, signal) by sample, from sample `first` (from zero) on."""

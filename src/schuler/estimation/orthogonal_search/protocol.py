@@ -23,51 +23,27 @@ __all__ = ["EvaluatedSearch", "OrthogonalSearchProtocol", "search_by_protocol"]
 
 @dataclass(frozen=True, slots=True)
 class EvaluatedSearch:
-    """One setting of the search on the evaluation data.
+    """One setting of the search on the evaluation data."""
 
-    Parameters
-    ----------
-    max_lag, degree : int
-        Setting.
-    terms : int
-        Terms found in training.
-    mean_square_error : float
-        One-step error on the evaluation data, in u².
-    """
-
+    # max_lag, degree: setting
     max_lag: int
     degree: int
-    terms: int
-    mean_square_error: float
+    terms: int  # terms found in training
+    mean_square_error: float  # One-step error on the evaluation data, in u²
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrthogonalSearchProtocol(ToDict):
-    """The chosen model and its error on data that nothing was chosen by.
+    """The chosen model and its error on data that nothing was chosen by."""
 
-    Parameters
-    ----------
-    fit : FosFit
-        Trained on the first part; its held-out error is that of the prediction part.
-    max_lag, degree : int
-        Setting that did best on the evaluation part.
-    evaluated : tuple of EvaluatedSearch
-        All settings.
-    horizons : tuple of int
-        Steps ahead.
-    mean_square_error : tuple of float
-        On the prediction part at every horizon, in u².
-    innovation_variance : float
-        Floor of the prediction part, in u².
-    """
-
-    fit: FosFit
+    fit: FosFit  # trained on the first part; its held-out error is that of the prediction part.
+    # max_lag, degree: setting that did best on the evaluation part
     max_lag: int
     degree: int
-    evaluated: tuple[EvaluatedSearch, ...]
-    horizons: tuple[int, ...]
-    mean_square_error: tuple[float, ...]
-    innovation_variance: float
+    evaluated: tuple[EvaluatedSearch, ...]  # all settings
+    horizons: tuple[int, ...]  # steps ahead
+    mean_square_error: tuple[float, ...]  # on the prediction part at every horizon, in u²
+    innovation_variance: float  # floor of the prediction part, in u²
 
 
 def search_by_protocol(

@@ -20,24 +20,14 @@ _RUNAWAY = 1e6
 
 @dataclass(frozen=True, slots=True)
 class RankedTerm:
-    """One step of the search, as its recursion saw it.
+    """One step of the search, as its recursion saw it."""
 
-    Parameters
-    ----------
-    term : str
-        The chosen term, e.g. "y(n-1) y(n-3)".
-    error_reduction : float
-        Q over the variance of the signal.
-    remaining : float
-        Mean squared error over the variance by the recursion (28) of S003. It ranks; it is a
-        difference of nearly equal numbers and no measure of the error (spec 4.3).
-    strength : float
-        N Q over the error before: chi-square with one degree of freedom for a needless term.
-    """
-
-    term: str
-    error_reduction: float
+    term: str  # the chosen term, e.g. "y(n-1) y(n-3)".
+    error_reduction: float  # Q over the variance of the signal
+    # mean squared error over the variance by the recursion (28) of S003. It ranks; it is a
+    # difference of nearly equal numbers and no measure of the error (spec 4.3).
     remaining: float
+    # N Q over the error before: chi-square with one degree of freedom for a needless term
     strength: float
 
 

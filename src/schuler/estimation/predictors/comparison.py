@@ -32,49 +32,25 @@ _WARM_UP = 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictorErrors:
-    """Held-out errors of one predictor.
+    """Held-out errors of one predictor."""
 
-    Parameters
-    ----------
-    name : str
-        Such as "last value".
-    mean_square_error : (h,) ndarray
-        At every horizon, in u².
-    normalised : (h,) ndarray
-        The same over the innovation variance: one is the best that exists at one step.
-    """
-
-    name: str
-    mean_square_error: FloatArray
+    name: str  # such as "last value"
+    mean_square_error: FloatArray  # (h,): at every horizon, in u²
+    # (h,): the same over the innovation variance: one is the best that exists at one step
     normalised: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictorComparison:
-    """All predictors on the same samples.
+    """All predictors on the same samples."""
 
-    Parameters
-    ----------
-    horizons : tuple of int
-        Steps ahead.
-    predictors : tuple of PredictorErrors
-        Baselines first.
-    innovation_variance : float
-        What the errors are divided by, in u².
-    floor_from : str
-        "process" if it is that of the given process, else "spectrum" of the held-out data.
-    samples : int
-        One-step predictions compared.
-    ar_order : int
-        Order that BIC chose.
-    """
-
-    horizons: tuple[int, ...]
-    predictors: tuple[PredictorErrors, ...]
-    innovation_variance: float
+    horizons: tuple[int, ...]  # steps ahead
+    predictors: tuple[PredictorErrors, ...]  # baselines first
+    innovation_variance: float  # what the errors are divided by, in u²
+    # "process" if it is that of the given process, else "spectrum" of the held-out data
     floor_from: str
-    samples: int
-    ar_order: int
+    samples: int  # One-step predictions compared
+    ar_order: int  # order that BIC chose
 
     def __getitem__(self, name: str) -> PredictorErrors:
         """Return the errors of one predictor by its name."""

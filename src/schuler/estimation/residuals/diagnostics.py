@@ -30,47 +30,27 @@ _FEWEST = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResidualDiagnostics(ToDict):
-    """One-step prediction errors of a model on its own signal, and the tests of them.
-
-    Parameters
-    ----------
-    samples : int
-        Residuals that were looked at.
-    variance : float
-        Their mean square in the unit of the signal squared.
-    expected_variance : float or None
-        What the model says it should be.
-    correlation : (k,) ndarray
-        Autocorrelation at lags 1 .. k samples.
-    band, robust_band : (k,) ndarray
-        Half width of the 95 % band of white residuals, their variance being constant or not.
-    quantiles : (q,) ndarray
-        Of the residuals over their standard deviation.
-    normal_quantiles : (q,) ndarray
-        Of Gaussian noise, for comparison.
-    kurtosis : float
-        Fourth moment over the squared second; 3 for Gaussian noise.
-    tests : ResidualTests or None
-        Ljung-Box plain and robust, squares, ARCH-LM, Jarque-Bera; None if they cannot be made.
-    block : int
-        Means of so many samples were predicted, because the model leaves out what is faster.
-    """
+    """One-step prediction errors of a model on its own signal, and the tests of them."""
 
     JSON = (
         "samples block variance expected_variance correlation robust_band_95=robust_band "
         "kurtosis tests white constant_variance gaussian verdict"
     )
 
-    samples: int
-    variance: float
-    expected_variance: float | None
-    correlation: FloatArray
+    samples: int  # residuals that were looked at
+    variance: float  # their mean square in the unit of the signal squared
+    expected_variance: float | None  # what the model says it should be
+    correlation: FloatArray  # (k,): autocorrelation at lags 1 .. k samples.
+    # band, robust_band: (k,) half width of the 95 % band of white residuals, their variance being
+    # constant or not
     band: FloatArray
     robust_band: FloatArray
-    quantiles: FloatArray
-    normal_quantiles: FloatArray
-    kurtosis: float
+    quantiles: FloatArray  # (q,): of the residuals over their standard deviation
+    normal_quantiles: FloatArray  # (q,): of Gaussian noise, for comparison
+    kurtosis: float  # fourth moment over the squared second; 3 for Gaussian noise.
+    # Ljung-Box plain and robust, squares, ARCH-LM, Jarque-Bera; None if they cannot be made.
     tests: ResidualTests | None
+    # means of so many samples were predicted, because the model leaves out what is faster
     block: int = 1
 
     @property

@@ -16,24 +16,12 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class HypothesisTest(ToDict):
-    """A test statistic and how likely chance alone exceeds it.
+    """A test statistic and how likely chance alone exceeds it."""
 
-    Parameters
-    ----------
-    name : str
-        What was tested.
-    statistic : float
-        Chi-square distributed under the null hypothesis.
-    degrees_of_freedom : int
-        Of that distribution.
-    p_value : float
-        Probability of a larger statistic by chance.
-    """
-
-    name: str
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
+    name: str  # what was tested
+    statistic: float  # Chi-square distributed under the null hypothesis
+    degrees_of_freedom: int  # of that distribution
+    p_value: float  # probability of a larger statistic by chance
 
 
 def _chi_square(name: str, statistic: float, degrees_of_freedom: int) -> HypothesisTest:
@@ -286,25 +274,14 @@ def jarque_bera_test(residuals: ArrayLike) -> HypothesisTest:
 
 @dataclass(frozen=True, slots=True)
 class ResidualTests(ToDict):
-    """The tests of one residual series.
+    """The tests of one residual series."""
 
-    Parameters
-    ----------
-    ljung_box, ljung_box_robust : HypothesisTest
-        Correlation of the values, the variance being constant or not.
-    ljung_box_squares : HypothesisTest
-        Correlation of the squares.
-    arch_lm : HypothesisTest
-        Squares on past squares.
-    jarque_bera : HypothesisTest
-        Gaussian shape.
-    """
-
+    # ljung_box, ljung_box_robust: correlation of the values, the variance being constant or not
     ljung_box: HypothesisTest
     ljung_box_robust: HypothesisTest
-    ljung_box_squares: HypothesisTest
-    arch_lm: HypothesisTest
-    jarque_bera: HypothesisTest
+    ljung_box_squares: HypothesisTest  # correlation of the squares
+    arch_lm: HypothesisTest  # squares on past squares
+    jarque_bera: HypothesisTest  # Gaussian shape
 
 
 def residual_tests(residuals: ArrayLike, *, fitted_parameters: int = 0) -> ResidualTests | None:

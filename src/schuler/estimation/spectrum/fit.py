@@ -38,55 +38,29 @@ _VANISHED = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectrumFit(ToDict):
-    """The processes behind a power spectral density.
-
-    Parameters
-    ----------
-    process : ProcessSum
-        In the unit of the signal.
-    standard_errors : dict of str to float
-        By parameter, e.g. "gauss_markov.sigma".
-    intervals : dict of str to (float, float)
-        95 % intervals, symmetric in the logarithm; from zero for an amplitude that vanished.
-    curve : SpectrumCurve
-        The density that was fitted.
-    ratio : (b,) ndarray
-        Measured over modelled density at `frequency`.
-    frequency : (b,) ndarray
-        Hz.
-    dispersion : float
-        Misfit over what chance and the discrepancy explain.
-    discrepancy : float
-        Relative standard deviation that had to be granted to every point because no sum of these
-        processes fits better; 0 when the misfit is pure chance. Errors include it.
-    candidates : mapping of str to float
-        Criterion (smaller is better) of the structures that were compared.
-    slopes : SpectrumReadings
-        The slope method on the same curve.
-    verdict : RecordVerdict
-        Record length against need.
-    converged : bool
-        The fit ended by itself.
-    flags : tuple of str
-        "trend"; "fast part left out": the fit ends at a twentieth of the rate, because faster
-        points do not follow the model (a sensor's own low-pass does that); "misfit": a
-        discrepancy was granted; "not converged".
-    """
+    """The processes behind a power spectral density."""
 
     JSON = "slope_method=slopes record=verdict converged flags"
 
-    process: ProcessSum
-    standard_errors: dict[str, float]
+    process: ProcessSum  # in the unit of the signal
+    standard_errors: dict[str, float]  # by parameter, e.g. "gauss_markov.sigma".
+    # 95 % intervals, symmetric in the logarithm; from zero for an amplitude that vanished.
     intervals: dict[str, tuple[float, float]]
-    curve: SpectrumCurve
-    ratio: FloatArray
-    frequency: FloatArray
-    dispersion: float
+    curve: SpectrumCurve  # the density that was fitted
+    ratio: FloatArray  # (b,): measured over modelled density at `frequency`
+    frequency: FloatArray  # (b,): hz
+    dispersion: float  # misfit over what chance and the discrepancy explain
+    # relative standard deviation that had to be granted to every point because no sum of these
+    # processes fits better; 0 when the misfit is pure chance. Errors include it.
     discrepancy: float
+    # criterion (smaller is better) of the structures that were compared
     candidates: Mapping[str, float]
-    slopes: SpectrumReadings
-    verdict: RecordVerdict
-    converged: bool
+    slopes: SpectrumReadings  # the slope method on the same curve
+    verdict: RecordVerdict  # record length against need
+    converged: bool  # the fit ended by itself
+    # "trend"; "fast part left out": the fit ends at a twentieth of the rate, because faster points
+    # do not follow the model (a sensor's own low-pass does that); "misfit": a discrepancy was
+    # granted; "not converged".
     flags: tuple[str, ...]
 
     @property

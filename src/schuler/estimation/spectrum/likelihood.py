@@ -39,40 +39,20 @@ _RULES = Rules(gain=(1e-6, 1e-3), hold=False)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectrumPoints:
-    """Points of a two-sided averaged density, ready for a fit.
+    """Points of a two-sided averaged density, ready for a fit."""
 
-    Parameters
-    ----------
-    frequency : (b,) ndarray
-        Hz.
-    density : (b,) ndarray
-        Two-sided, (unit)²/Hz.
-    freedom : (b,) ndarray
-        Degrees of freedom of every point.
-    weight : (b,) ndarray
-        The same less what neighbouring points share.
-    covariance : (b, b) ndarray
-        Of the relative errors.
-    cycles, share : (q,) ndarray
-        Frequencies in cycles a sample at which a model is evaluated, and their weights.
-    group : (q,) ndarray of int
-        To which point they belong.
-    dt : float
-        Sample interval in s.
-    duration : float
-        Length of the record in s.
-    """
-
-    frequency: FloatArray
-    density: FloatArray
-    freedom: FloatArray
-    weight: FloatArray
-    covariance: FloatArray
+    frequency: FloatArray  # (b,): hz
+    density: FloatArray  # (b,): Two-sided, (unit)²/Hz
+    freedom: FloatArray  # (b,): degrees of freedom of every point
+    weight: FloatArray  # (b,): the same less what neighbouring points share
+    covariance: FloatArray  # (b, b): of the relative errors
+    # cycles, share: (q,) frequencies in cycles a sample at which a model is evaluated, and their
+    # weights
     cycles: FloatArray
     share: FloatArray
-    group: NDArray[np.int64]
-    dt: float
-    duration: float
+    group: NDArray[np.int64]  # (q,): to which point they belong
+    dt: float  # sample interval in s
+    duration: float  # length of the record in s
 
     def below(self, highest: float) -> SpectrumPoints:
         """Return the points below a frequency in Hz."""
@@ -154,14 +134,9 @@ class SpectrumStructureFit(FittedParts):
     """The best parameters of one structure, correlation of points in their covariance.
 
     The cost is the deviance: twice the log likelihood short of that of a perfect fit.
-
-    Parameters
-    ----------
-    ratio : (b,) ndarray
-        Measured over modelled density.
     """
 
-    ratio: FloatArray
+    ratio: FloatArray  # (b,): measured over modelled density
 
 
 def scaled_under(part: Process, points: SpectrumPoints, share: float = 0.5) -> Process:

@@ -24,34 +24,21 @@ _EVEN = 16.0
 
 @dataclass(frozen=True, slots=True)
 class SpectrumReading(ToDict):
-    """One parameter read off a straight run.
+    """One parameter read off a straight run."""
 
-    Parameters
-    ----------
-    value : float
-        N, B, K or Q in SI.
-    start, stop : float
-        Frequencies in Hz between which the run was read.
-    relative_error : float
-        From the degrees of freedom of the run alone.
-    """
-
-    value: float
+    value: float  # N, B, K or Q in SI
+    # start, stop: frequencies in Hz between which the run was read
     start: float
     stop: float
-    relative_error: float
+    relative_error: float  # from the degrees of freedom of the run alone
 
 
 @dataclass(frozen=True, slots=True)
 class SpectrumReadings(ToDict):
-    """What the slope method finds in a spectrum; None where it has no such run.
+    """What the slope method finds in a spectrum; None where it has no such run."""
 
-    Parameters
-    ----------
-    white_noise, bias_instability, random_walk, quantization : SpectrumReading or None
-        N = sqrt(S), B = sqrt(2 pi f S), K = 2 pi f sqrt(S), Q = sqrt(S/dt)/(2 pi f), S two-sided.
-    """
-
+    # white_noise, bias_instability, random_walk, quantization: N = sqrt(S), B = sqrt(2 pi f S), K =
+    # 2 pi f sqrt(S), Q = sqrt(S/dt)/(2 pi f), S two-sided
     white_noise: SpectrumReading | None
     bias_instability: SpectrumReading | None
     random_walk: SpectrumReading | None

@@ -23,24 +23,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """The text files of one maker.
+    """The text files of one maker."""
 
-    Parameters
-    ----------
-    name, title : str
-        As of the format.
-    header : str
-        Pattern that is found in the first lines of such files and of no others.
-    columns : mapping of str to str
-        Pattern of a bare name by our name; others keep theirs.
-    units : mapping of str to str
-        Unit by our name, where the file names none.
-    """
-
+    # name, title: as of the format
     name: str
     title: str
-    header: str
+    header: str  # pattern that is found in the first lines of such files and of no others
+    # pattern of a bare name by our name; others keep theirs.
     columns: Mapping[str, str] = field(default_factory=dict)
+    # unit by our name, where the file names none
     units: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -13,21 +13,12 @@ from schuler.noise import NoiseModel
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """What the three axes of a sensor have in common, SI; the worst axis counts.
+    """What the three axes of a sensor have in common, SI; the worst axis counts."""
 
-    Parameters
-    ----------
-    density : float
-        White noise.
-    walk : float
-        Random walk.
-    sigma, correlation_time : float
-        Of the slowest Gauss-Markov noise of the worst axis; without one, what the walk makes in
-        an hour, and an hour.
-    """
-
-    density: float
-    walk: float
+    density: float  # white noise
+    walk: float  # random walk
+    # sigma, correlation_time: of the slowest Gauss-Markov noise of the worst axis; without one,
+    # what the walk makes in an hour, and an hour.
     sigma: float
     correlation_time: float
 

@@ -10,21 +10,12 @@ _SAMPLE = 1 << 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Content:
-    """A text file as UTF-8 with ordinary ends of lines.
+    """A text file as UTF-8 with ordinary ends of lines."""
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    data : bytes or None
-        Its content where it had to be made plain; None: the file can be read as it is.
-    notes : tuple of str
-        What was done.
-    """
-
-    path: Path
+    path: Path  # the file
+    # its content where it had to be made plain; None: the file can be read as it is.
     data: bytes | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was done
 
     def whole(self) -> bytes:
         """Return all of it."""

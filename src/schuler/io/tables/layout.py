@@ -30,42 +30,18 @@ _LOOKED_AT = 40  # rows by which columns are judged
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """The layout of a text file.
+    """The layout of a text file."""
 
-    Parameters
-    ----------
-    first_line : int
-        Index of the first line of numbers, counted from 0.
-    delimiter : str
-        Character between columns; " " stands for any number of blanks.
-    decimal_comma : bool
-        Whether 1,5 means one and a half.
-    comment : str or None
-        Beginning of lines that are left out.
-    names : tuple of str
-        Names of the columns, without units where these were split off.
-    units : dict of str to str
-        Unit by name.
-    rows : tuple of tuple of str
-        Fields of the first lines of numbers.
-    named : bool
-        Whether the names come from the file or the user; False: they were made up.
-    header : str
-        The line of names as it stands; empty when there is none.
-    rate : float or None
-        Sampling rate in Hz, where the lines above the table state it.
-    """
-
-    first_line: int
-    delimiter: str
-    decimal_comma: bool
-    comment: str | None
-    names: tuple[str, ...]
-    units: dict[str, str]
-    rows: tuple[tuple[str, ...], ...]
-    named: bool
-    header: str = ""
-    rate: float | None = None
+    first_line: int  # index of the first line of numbers, counted from 0
+    delimiter: str  # character between columns; " " stands for any number of blanks.
+    decimal_comma: bool  # whether 1,5 means one and a half
+    comment: str | None  # beginning of lines that are left out
+    names: tuple[str, ...]  # names of the columns, without units where these were split off
+    units: dict[str, str]  # unit by name
+    rows: tuple[tuple[str, ...], ...]  # fields of the first lines of numbers
+    named: bool  # whether the names come from the file or the user; False: they were made up.
+    header: str = ""  # the line of names as it stands; empty when there is none.
+    rate: float | None = None  # sampling rate in Hz, where the lines above the table state it
 
     def fields_of(self, name: str) -> list[str]:
         """Return what stands in a column in the first rows, blanks left out."""

@@ -21,30 +21,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParquetSource:
-    """A Parquet file.
+    """A Parquet file."""
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    names : tuple of str
-        Names of its columns.
-    kinds : dict of str to str
-        "number", "text", "moment" (date and time) or "other", by name.
-    rate : float or None
-        Sampling rate in Hz, from the file's key-value metadata.
-    part : (int, int) or None
-        First row and number of rows, where not all are wanted.
-    """
-
-    path: Path
-    names: tuple[str, ...]
-    kinds: dict[str, str]
-    rate: float | None = None
+    path: Path  # the file
+    names: tuple[str, ...]  # names of its columns
+    kinds: dict[str, str]  # "number", "text", "moment" (date and time) or "other", by name
+    rate: float | None = None  # sampling rate in Hz, from the file's key-value metadata
     units: dict[str, str] = field(default_factory=dict)
     history: tuple[str, ...] = ()
     assumptions: tuple[str, ...] = ()
-    part: tuple[int, int] | None = None
+    part: tuple[int, int] | None = None  # first row and number of rows, where not all are wanted
 
     @property
     def first_row(self) -> int | None:

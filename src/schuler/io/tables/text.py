@@ -45,33 +45,16 @@ _LINES_WEIGHED = 200
 
 @dataclass(frozen=True, eq=False)
 class TextSource:
-    """A text file whose layout is known.
+    """A text file whose layout is known."""
 
-    Parameters
-    ----------
-    content : Content
-        The file.
-    layout : Layout
-        How it is laid out.
-    history : tuple of str
-        What the reader did.
-    assumptions : tuple of str
-        What the reader took for granted.
-    end : int or None
-        Length in bytes to be read, when a last line that was cut off is left out.
-    first_row : int or None
-        Of a part of a file: which row of it comes first.
-    lines_before : int
-        Lines of the file in front of a part.
-    """
-
-    content: Content
-    layout: Layout
-    history: tuple[str, ...] = ()
-    assumptions: tuple[str, ...] = ()
+    content: Content  # the file
+    layout: Layout  # how it is laid out
+    history: tuple[str, ...] = ()  # what the reader did
+    assumptions: tuple[str, ...] = ()  # what the reader took for granted
+    # length in bytes to be read, when a last line that was cut off is left out
     end: int | None = None
-    first_row: int | None = None
-    lines_before: int = 0
+    first_row: int | None = None  # of a part of a file: which row of it comes first
+    lines_before: int = 0  # lines of the file in front of a part
 
     @property
     def path(self) -> Path:

@@ -21,27 +21,13 @@ _FLU = np.diag([1.0, -1.0, -1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """A trajectory about an origin: x east, y north, z up; body forward, left, up (REP-103).
+    """A trajectory about an origin: x east, y north, z up; body forward, left, up (REP-103)."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds.
-    position : (n, 3) ndarray
-        Metres from the origin.
-    rotation : (n, 3, 3) ndarray
-        From body to east, north, up.
-    quaternion : (n, 4) ndarray
-        The same as x, y, z, w.
-    origin : (3,) ndarray
-        Latitude deg, longitude deg, height m of the first position.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    rotation: FloatArray
-    quaternion: FloatArray
-    origin: FloatArray
+    time: FloatArray  # (n,): seconds
+    position: FloatArray  # (n, 3): metres from the origin
+    rotation: FloatArray  # (n, 3, 3): from body to east, north, up
+    quaternion: FloatArray  # (n, 4): the same as x, y, z, w
+    origin: FloatArray  # (3,): latitude deg, longitude deg, height m of the first position
 
 
 def place(track: TrackColumns) -> FloatArray:

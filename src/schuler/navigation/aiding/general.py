@@ -129,21 +129,11 @@ class MeasurementSource(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GeneralAiding:
-    """A source of a user's own, with the places of its states.
+    """A source of a user's own, with the places of its states."""
 
-    Parameters
-    ----------
-    source : MeasurementSource
-        Checked.
-    states : tuple of AidingState
-        Its own.
-    place : int
-        Of the first of them among the sensor states.
-    """
-
-    source: MeasurementSource
-    states: tuple[AidingState, ...] = ()
-    place: int = 0
+    source: MeasurementSource  # checked
+    states: tuple[AidingState, ...] = ()  # its own
+    place: int = 0  # of the first of them among the sensor states
 
     @classmethod
     def of(cls, source: Any) -> GeneralAiding:

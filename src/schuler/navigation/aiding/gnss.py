@@ -174,27 +174,13 @@ class GnssErrorModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GnssPosition:
-    """Positions of a GNSS antenna.
+    """Positions of a GNSS antenna."""
 
-    Parameters
-    ----------
-    recording : GnssRecording
-        With known standard deviations.
-    lever_arm : (3,) array_like
-        Antenna from IMU in the body frame, m.
-    time_offset : float
-        Added to GNSS time to get the time on the IMU's axis, s.
-    sd_factor : float
-        Multiplies the receiver's own standard deviations.
-    slow : CorrelatedGnss, GnssErrorModel or None
-        Errors that last, whose states are placed.
-    """
-
-    recording: GnssRecording
-    lever_arm: ArrayLike = (0.0, 0.0, 0.0)
-    time_offset: float = 0.0
-    sd_factor: float = 1.0
-    slow: CorrelatedGnss | GnssErrorModel | None = None
+    recording: GnssRecording  # with known standard deviations
+    lever_arm: ArrayLike = (0.0, 0.0, 0.0)  # (3,): antenna from IMU in the body frame, m
+    time_offset: float = 0.0  # added to GNSS time to get the time on the IMU's axis, s
+    sd_factor: float = 1.0  # multiplies the receiver's own standard deviations
+    slow: CorrelatedGnss | GnssErrorModel | None = None  # errors that last, whose states are placed
 
     def rows(self) -> AidingSchedule:
         """Return one row an epoch."""

@@ -34,28 +34,16 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parity:
-    """Means of the parity vector over intervals that do not overlap.
+    """Means of the parity vector over intervals that do not overlap."""
 
-    Parameters
-    ----------
-    array : ImuArray
-        Complete.
-    table : SensorTable
-        With which the filter is fed; least squares in every row, as then the noise of the parity
-        and that of the fused measurement are not correlated.
-    models : sequence of SensorErrorModel
-        One for each IMU, in its own axes, in the order of `extended_model`.
-    states : int
-        Sensor states of the filter, of which those of the models are the first.
-    interval : float
-        Seconds that are averaged.
-    """
-
-    array: ImuArray
+    array: ImuArray  # complete
+    # with which the filter is fed; least squares in every row, as then the noise of the parity and
+    # that of the fused measurement are not correlated.
     table: SensorTable
+    # one for each IMU, in its own axes, in the order of `extended_model`
     models: Sequence[SensorErrorModel]
-    states: int
-    interval: float = 1.0
+    states: int  # sensor states of the filter, of which those of the models are the first
+    interval: float = 1.0  # seconds that are averaged
 
     def rows(self) -> AidingSchedule:
         """Return the measurements: 3 (k - 1) of the accelerometers, as many of the gyros."""

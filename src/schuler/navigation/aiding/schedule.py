@@ -58,46 +58,27 @@ def _no_matrices() -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AidingSchedule:
-    """Measurements in the order of their time.
+    """Measurements in the order of their time."""
 
-    Parameters
-    ----------
-    time : (u,) ndarray
-        Seconds on the IMU's axis.
-    kind : (u,) ndarray of int
-        Index into `KIND_NAMES`.
-    value : (u, 3) ndarray
-        In the units of the kind.
-    variance : (u, 3) ndarray
-        North, east, down; infinite where a component was not measured.
-    lever_arm : (u, 3) ndarray
-        Of the sensor from the IMU in the body frame, m.
-    offset_state : (u, 3) ndarray of int
-        For each component the place among the sensor states of an error that adds to what is
-        measured (a Gauss-Markov error of GNSS, a barometer's bias); -1, and left out: none.
-    offset_scale : (u, 3) ndarray
-        By which that state is multiplied; one where left out.
-    matrix : (u,) ndarray of int
-        Which of `matrices` belongs to a measurement of kind `LINEAR`; -1 elsewhere.
-    matrices : (t, 3, 12 + m) ndarray
-        Of kinds `LINEAR` and `GENERAL`: the attitude C_nb that the derivatives belong to, then
-        those of what is predicted by position (m), velocity, attitude error and the m sensor
-        states. The position that they belong to is in `lever_arm`, and `value` is what is
-        predicted at it less the innovation there. More than three rows are several measurements
-        at one time; correlated noise has to be whitened before.
-    general : tuple of GeneralRow or None
-        For each of `matrices` what fills it in when the filter comes by; None: it is full.
-    """
-
-    time: FloatArray
-    kind: NDArray[np.int64]
-    value: FloatArray
-    variance: FloatArray
-    lever_arm: FloatArray
+    time: FloatArray  # (u,): seconds on the IMU's axis
+    kind: NDArray[np.int64]  # (u,): index into `KIND_NAMES`
+    value: FloatArray  # (u, 3): in the units of the kind
+    variance: FloatArray  # (u, 3): north, east, down; infinite where a component was not measured.
+    lever_arm: FloatArray  # (u, 3): of the sensor from the IMU in the body frame, m
+    # (u, 3): for each component the place among the sensor states of an error that adds to what is
+    # measured (a Gauss-Markov error of GNSS, a barometer's bias); -1, and left out: none.
     offset_state: NDArray[np.int64] = field(default_factory=_none)
+    # (u,): which of `matrices` belongs to a measurement of kind `LINEAR`; -1 elsewhere.
     matrix: NDArray[np.int64] = field(default_factory=_none)
+    # (t, 3, 12 + m): of kinds `LINEAR` and `GENERAL`: the attitude C_nb that the derivatives belong
+    # to, then those of what is predicted by position (m), velocity, attitude error and the m sensor
+    # states. The position that they belong to is in `lever_arm`, and `value` is what is predicted
+    # at it less the innovation there. More than three rows are several measurements at one time;
+    # correlated noise has to be whitened before.
     matrices: FloatArray = field(default_factory=_no_matrices)
+    # for each of `matrices` what fills it in when the filter comes by; None: it is full.
     general: tuple[GeneralRow | None, ...] = ()
+    # (u, 3): by which that state is multiplied; one where left out.
     offset_scale: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     def __post_init__(self) -> None:

@@ -29,21 +29,11 @@ REST_INTERVAL = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StandingJudgement:
-    """At which moments without felt motion a vehicle stands, and at which it creeps.
+    """At which moments without felt motion a vehicle stands, and at which it creeps."""
 
-    Parameters
-    ----------
-    time : (k,) ndarray
-        Of the moments, s.
-    standing : (k,) ndarray of bool
-        Whether it stands.
-    limit : float
-        Of the shaking below which it does, for moments to come; see `shake_level`.
-    """
-
-    time: FloatArray
-    standing: NDArray[np.bool_]
-    limit: float
+    time: FloatArray  # (k,): of the moments, s
+    standing: NDArray[np.bool_]  # (k,): whether it stands
+    limit: float  # of the shaking below which it does, for moments to come; see `shake_level`.
 
     def holds(self, time: FloatArray) -> NDArray[np.bool_]:
         """Whether the vehicle stands at these times, by the nearest moments."""
@@ -54,21 +44,11 @@ class StandingJudgement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Standstill:
-    """No velocity and no rate at moments without motion.
+    """No velocity and no rate at moments without motion."""
 
-    Parameters
-    ----------
-    imu : ImuRecording
-        In which they are looked for.
-    gyro_density : (3,) ndarray
-        White noise of the gyros, rad/s/sqrt(Hz).
-    judgement : StandingJudgement or None
-        Leaves out moments at which the vehicle creeps.
-    """
-
-    imu: ImuRecording
-    gyro_density: FloatArray
-    judgement: StandingJudgement | None = None
+    imu: ImuRecording  # in which they are looked for
+    gyro_density: FloatArray  # (3,): white noise of the gyros, rad/s/sqrt(Hz)
+    judgement: StandingJudgement | None = None  # leaves out moments at which the vehicle creeps
 
     def rows(self) -> AidingSchedule:
         """Return a zero velocity at every such moment, and a zero rate once a second."""
@@ -87,20 +67,11 @@ class Standstill:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StandingMoments:
-    """Moments at which an IMU feels no motion, and the mean of its gyros up to them.
+    """Moments at which an IMU feels no motion, and the mean of its gyros up to them."""
 
-    Parameters
-    ----------
-    time : (k,) ndarray
-        Seconds.
-    gyro : (k, 3) ndarray
-        Mean over the second before, rad/s, as measured.
-    down : (k, 3) ndarray
-        Direction of gravity in IMU axes, by the mean force over the second before.
-    """
-
-    time: FloatArray
-    gyro: FloatArray
+    time: FloatArray  # (k,): seconds
+    gyro: FloatArray  # (k, 3): mean over the second before, rad/s, as measured
+    # (k, 3): direction of gravity in IMU axes, by the mean force over the second before
     down: FloatArray
 
     def select(self, keep: NDArray[np.bool_]) -> StandingMoments:

@@ -50,33 +50,20 @@ WHEEL_ERROR_TIME = 20.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleConstraint:
-    """How a vehicle aids the filter.
+    """How a vehicle aids the filter."""
 
-    Parameters
-    ----------
-    constraints : tuple of str
-        Out of `CONSTRAINTS`: "nhc", no velocity across and through the floor of a vehicle that
-        rolls; "zupt", no velocity and no rate in a vehicle that stands; "wheel", its speed shows
-        in the vibration of its wheels.
-    mounting : (3, 3) ndarray
-        Vehicle (forward, right, down) from IMU, to a few degrees.
-    first_state : int
-        Place of the vehicle's states among the sensor states; -1 without "nhc".
-    lateral_sd, vertical_sd : float
-        What a vehicle that rolls may show of velocity to the right and down, m/s: more than single
-        constraints do, as slopes, ruts and side wind last for seconds.
-    interval : float
-        Seconds between non-holonomic constraints.
-    standing : StandingJudgement or None
-        Which moments without felt motion are creeping; None: all are standing.
-    """
-
+    # out of `CONSTRAINTS`: "nhc", no velocity across and through the floor of a vehicle that rolls;
+    # "zupt", no velocity and no rate in a vehicle that stands; "wheel", its speed shows in the
+    # vibration of its wheels.
     constraints: tuple[str, ...]
-    mounting: FloatArray
-    first_state: int
+    mounting: FloatArray  # (3, 3): vehicle (forward, right, down) from IMU, to a few degrees
+    first_state: int  # place of the vehicle's states among the sensor states; -1 without "nhc".
+    # lateral_sd, vertical_sd: what a vehicle that rolls may show of velocity to the right and down,
+    # m/s: more than single constraints do, as slopes, ruts and side wind last for seconds
     lateral_sd: float = 0.05
     vertical_sd: float = 0.15
-    interval: float = 0.125
+    interval: float = 0.125  # seconds between non-holonomic constraints
+    # which moments without felt motion are creeping; None: all are standing.
     standing: StandingJudgement | None = None
 
     @property
@@ -104,23 +91,15 @@ class VehicleConstraint:
 
 @dataclass(frozen=True, slots=True)
 class RollingForward:
-    """No velocity across and through the floor of a vehicle that rolls.
+    """No velocity across and through the floor of a vehicle that rolls."""
 
-    Parameters
-    ----------
-    start, stop : float
-        s.
-    lateral_sd, vertical_sd : float
-        See `VehicleConstraint`, m/s.
-    interval : float
-        s.
-    """
-
+    # start, stop: s
     start: float
     stop: float
+    # lateral_sd, vertical_sd: see `VehicleConstraint`, m/s
     lateral_sd: float
     vertical_sd: float
-    interval: float
+    interval: float  # s
 
     def rows(self) -> AidingSchedule:
         """Return one row every `interval`."""

@@ -74,25 +74,14 @@ JUST_AFTER = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WheelSpeeds:
-    """Forward speeds found in vibration.
+    """Forward speeds found in vibration."""
 
-    Parameters
-    ----------
-    time : (k,) ndarray
-        Seconds on the IMU's axis.
-    speed, sd : (k,) ndarray
-        m/s.
-    place : int
-        Of the state of what is wrong with them for longer than a moment.
-    order : float or None
-        Turns of a wheel per metre; None if no wheel was found.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (k,): seconds on the IMU's axis
+    # speed, sd: (k,) m/s
     speed: FloatArray
     sd: FloatArray
-    place: int
-    order: float | None = None
+    place: int  # of the state of what is wrong with them for longer than a moment
+    order: float | None = None  # turns of a wheel per metre; None if no wheel was found.
 
     def rows(self) -> AidingSchedule:
         """Return one measurement a speed."""

@@ -54,27 +54,13 @@ LEAST_RATIO = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VibrationBlock:
-    """A stretch of vibration and the way of the vehicle in it.
+    """A stretch of vibration and the way of the vehicle in it."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Seconds before the end of the block, negative, the last one zero.
-    vibration : (n, c) ndarray
-        Channels of an IMU, mean and trend removed, tapered (sine).
-    way : (n,) ndarray
-        Metres, from anywhere.
-    speed : float
-        Mean, m/s.
-    rate : float
-        Samples a second.
-    """
-
-    time: FloatArray
-    vibration: FloatArray
-    way: FloatArray
-    speed: float
-    rate: float
+    time: FloatArray  # (n,): seconds before the end of the block, negative, the last one zero
+    vibration: FloatArray  # (n, c): channels of an IMU, mean and trend removed, tapered (sine)
+    way: FloatArray  # (n,): metres, from anywhere
+    speed: float  # mean, m/s
+    rate: float  # samples a second
 
 
 def vibration_block(time: FloatArray, channels: FloatArray, speed: FloatArray) -> VibrationBlock:

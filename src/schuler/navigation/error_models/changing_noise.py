@@ -28,15 +28,10 @@ DEFAULT_MEMORY = 1.0
 
 @dataclass(frozen=True, slots=True)
 class VarianceRecursion:
-    """GARCH(1, 1) of a white noise, by its persistence: h = (1 - a - b) s² + a e² + b h.
+    """GARCH(1, 1) of a white noise, by its persistence: h = (1 - a - b) s² + a e² + b h."""
 
-    Parameters
-    ----------
-    alpha, beta : float
-        Weights of the last square and of the last variance; their sum at most one. A sum of one
-        is the exponential average, which needs no fit.
-    """
-
+    # alpha, beta: weights of the last square and of the last variance; their sum at most one. A sum
+    # of one is the exponential average, which needs no fit.
     alpha: float
     beta: float
 
@@ -63,19 +58,13 @@ class VarianceRecursion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChangingNoise:
-    """How the white noise of every channel changes.
+    """How the white noise of every channel changes."""
 
-    Parameters
-    ----------
-    recursions : mapping of str to VarianceRecursion
-        By channel; channels that are not named stay constant.
-    reference : mapping of str to float, optional
-        By channel, what `rest_variance` finds where the noise is as loud as the constant density
-        says: of the static record that the density comes from. Default: of the recording itself,
-        one number a channel, so that the density is kept on average.
-    """
-
+    # by channel; channels that are not named stay constant.
     recursions: Mapping[str, VarianceRecursion]
+    # by channel, what `rest_variance` finds where the noise is as loud as the constant density
+    # says: of the static record that the density comes from. Default: of the recording itself, one
+    # number a channel, so that the density is kept on average.
     reference: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -29,22 +29,14 @@ NO_CHANNEL = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DiscreteBlock:
-    """Neighbouring states that move together, once a sample.
+    """Neighbouring states that move together, once a sample."""
 
-    Parameters
-    ----------
-    first : int
-        Place of the first of them among the sensor states.
-    transition, noise_covariance : (p, p) ndarray
-        Over one interval.
-    interval : float
-        The only sample interval at which the block exists, s; at whole multiples, and across
-        gaps, it is raised to the power of the steps, and the noise is accumulated.
-    """
-
-    first: int
+    first: int  # place of the first of them among the sensor states
+    # transition, noise_covariance: (p, p) over one interval
     transition: FloatArray
     noise_covariance: FloatArray
+    # the only sample interval at which the block exists, s; at whole multiples, and across gaps, it
+    # is raised to the power of the steps, and the noise is accumulated.
     interval: float
 
     @property

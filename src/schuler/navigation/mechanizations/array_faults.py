@@ -43,18 +43,10 @@ MARGIN = 0.2
 
 @dataclass(frozen=True, slots=True)
 class SensorAbsence:
-    """A sensor that the filter did without for a while: who, when, why, until when.
+    """A sensor that the filter did without for a while: who, when, why, until when."""
 
-    Parameters
-    ----------
-    record : FaultRecord
-        When it was noticed, by what, and when it was let back in.
-    onset : float
-        From when on it was not used, s.
-    """
-
-    record: FaultRecord
-    onset: float
+    record: FaultRecord  # when it was noticed, by what, and when it was let back in
+    onset: float  # from when on it was not used, s
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON."""
@@ -68,33 +60,17 @@ class SensorAbsence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArrayFaults:
-    """What was found in an array before it was navigated with.
+    """What was found in an array before it was navigated with."""
 
-    Parameters
-    ----------
-    taken_out : tuple of SensorAbsence
-        Faults, in order of time.
-    contradictions : tuple of FaultRecord
-        Sensors that contradicted one another without one that could be blamed.
-    absences : tuple of Absence
-        For the table of the filter.
-    notes : tuple of str
-        What was done, and what could not be judged, in words.
-    judged : bool
-        Whether sensors were judged at all.
-    noise_only : bool
-        Whether healthy sensors differ by noise alone: neither motion nor vibration rules.
-    silent : tuple of (name, start, stop)
-        IMUs that brought nothing for a while, s.
-    """
-
-    taken_out: tuple[SensorAbsence, ...] = ()
+    taken_out: tuple[SensorAbsence, ...] = ()  # faults, in order of time
+    # sensors that contradicted one another without one that could be blamed
     contradictions: tuple[FaultRecord, ...] = ()
-    absences: tuple[Absence, ...] = ()
-    notes: tuple[str, ...] = ()
-    judged: bool = False
+    absences: tuple[Absence, ...] = ()  # for the table of the filter
+    notes: tuple[str, ...] = ()  # what was done, and what could not be judged, in words
+    judged: bool = False  # whether sensors were judged at all
+    # whether healthy sensors differ by noise alone: neither motion nor vibration rules
     noise_only: bool = False
-    silent: tuple[tuple[str, float, float], ...] = ()
+    silent: tuple[tuple[str, float, float], ...] = ()  # IMUs that brought nothing for a while, s
 
     def findings(self, end: float) -> list[Finding]:
         """Who was out when and why, and who contradicted whom, of a recording that ends then."""

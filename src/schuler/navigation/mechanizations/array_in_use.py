@@ -18,30 +18,16 @@ from schuler.types import BoolArray, FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArrayInUse:
-    """A fusion without some sensors.
+    """A fusion without some sensors."""
 
-    Parameters
-    ----------
-    out : (2, 3 k) ndarray
-        Accelerometers and gyros that are not used.
-    pi : (2, 3, 3 k) ndarray
-        Of both.
-    moment : (9, 3) ndarray
-        What rotation adds to the fused force; zero where the middle of those in use stays.
-    stretch : SensorStretches
-        How sensor errors show.
-    seen : (3 p, 2 x 3 k) ndarray
-        What is measured of the means of all sensors, whitened for one second.
-    matrix : (p, 3, 12 + m) ndarray
-        How sensor states show in it.
-    """
-
-    out: BoolArray
-    pi: FloatArray
+    out: BoolArray  # (2, 3 k): accelerometers and gyros that are not used
+    pi: FloatArray  # (2, 3, 3 k): of both
+    # (9, 3): what rotation adds to the fused force; zero where the middle of those in use stays.
     moment: FloatArray
-    stretch: SensorStretches
+    stretch: SensorStretches  # how sensor errors show
+    # (3 p, 2 x 3 k): what is measured of the means of all sensors, whitened for one second
     seen: FloatArray
-    matrix: FloatArray
+    matrix: FloatArray  # (p, 3, 12 + m): how sensor states show in it
 
     def parity(self, time: float, mean: FloatArray, seconds: float) -> LinearRows:
         """What the means (2, 3 k) over some seconds say the sensors differ by."""

@@ -23,21 +23,14 @@ from schuler.types import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fusion:
-    """How the sensors of an array are added up in the body frame, spec 6.2.
+    """How the sensors of an array are added up in the body frame, spec 6.2."""
 
-    Parameters
-    ----------
-    accel, gyro : (3, 3 k) ndarray
-        pi of either: left inverses of the stacked axes, columns by IMU, then by axis.
-    axes : (3 k, 3) ndarray
-        The stacked sensor axes in the body, A.
-    centre : (3,) ndarray
-        Where the fused IMU sits: the mean place of the accelerometers by their weight, body, m.
-    """
-
+    # accel, gyro: (3, 3 k) pi of either: left inverses of the stacked axes, columns by IMU, then by
+    # axis
     accel: FloatArray
     gyro: FloatArray
-    axes: FloatArray
+    axes: FloatArray  # (3 k, 3): the stacked sensor axes in the body, A
+    # (3,): where the fused IMU sits: the mean place of the accelerometers by their weight, body, m
     centre: FloatArray
 
     @property

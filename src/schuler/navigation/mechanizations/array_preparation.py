@@ -62,39 +62,18 @@ NOT_JUDGED = ArrayFaults()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedArray:
-    """An array and what every mechanization needs to know of it.
+    """An array and what every mechanization needs to know of it."""
 
-    Parameters
-    ----------
-    array : ImuArray
-        Complete, cut to where it can be used.
-    recording : ImuRecording
-        The fused IMU, same stamps.
-    table : SensorTable
-        Who counts how much, when.
-    models : tuple of SensorErrorModel
-        One for each IMU, in its own axes, as the noise models say.
-    noise_models : tuple of NoiseModel
-        One for each IMU.
-    setup : RunSetup
-        From `prepare` on the fused recording.
-    settings : NavigationSettings
-        What the user said; the body takes the place of the IMU.
-    notes : tuple of str
-        What was done to the array, in words.
-    faults : ArrayFaults
-        Who was taken out, when and why.
-    """
-
-    array: ImuArray
-    recording: ImuRecording
-    table: SensorTable
+    array: ImuArray  # complete, cut to where it can be used
+    recording: ImuRecording  # the fused IMU, same stamps
+    table: SensorTable  # who counts how much, when
+    # one for each IMU, in its own axes, as the noise models say
     models: tuple[SensorErrorModel, ...]
-    noise_models: tuple[NoiseModel, ...]
-    setup: RunSetup
-    settings: NavigationSettings
-    notes: tuple[str, ...] = ()
-    faults: ArrayFaults = NOT_JUDGED
+    noise_models: tuple[NoiseModel, ...]  # one for each IMU
+    setup: RunSetup  # from `prepare` on the fused recording
+    settings: NavigationSettings  # what the user said; the body takes the place of the IMU.
+    notes: tuple[str, ...] = ()  # what was done to the array, in words
+    faults: ArrayFaults = NOT_JUDGED  # who was taken out, when and why
 
     @property
     def fusion(self) -> Fusion:

@@ -22,21 +22,12 @@ LARGEST_LOSS = 0.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompleteArray:
-    """An array with a value for every sensor at every sample.
+    """An array with a value for every sensor at every sample."""
 
-    Parameters
-    ----------
-    array : ImuArray
-        With gaps filled.
-    silences : tuple of (imu, start, stop)
-        When an IMU is silent for so long that it must not count, s.
-    notes : tuple of str
-        What was done, in words.
-    """
-
-    array: ImuArray
+    array: ImuArray  # with gaps filled
+    # when an IMU is silent for so long that it must not count, s
     silences: tuple[tuple[int, float, float], ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what was done, in words
 
 
 def complete_array(array: ImuArray) -> CompleteArray:

@@ -37,36 +37,17 @@ MECHANIZATIONS: tuple[Mechanization, ...] = get_args(Mechanization)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArrayNavigation:
-    """A solution for the origin of the body, and what only arrays have.
+    """A solution for the origin of the body, and what only arrays have."""
 
-    Parameters
-    ----------
-    mechanization : str
-        One of `MECHANIZATIONS`.
-    solution : NavigationSolution
-        For the origin of the body, in its axes.
-    prepared : PreparedArray
-        The array as it was used.
-    model : SensorErrorModel or None
-        Sensor error states of the filter; None where each IMU has its own.
-    states : int
-        States of the filter, or of all filters.
-    cpu_seconds : float
-        Of the run itself, in all threads.
-    stack : StackedRun or None
-        Solutions of all IMUs, where one filter has several.
-    vote : Vote or None
-        Who was outvoted when, at system level.
-    """
-
-    mechanization: Mechanization
-    solution: NavigationSolution
-    prepared: PreparedArray
-    states: int
-    cpu_seconds: float
+    mechanization: Mechanization  # one of `MECHANIZATIONS`
+    solution: NavigationSolution  # for the origin of the body, in its axes
+    prepared: PreparedArray  # the array as it was used
+    states: int  # states of the filter, or of all filters
+    cpu_seconds: float  # of the run itself, in all threads
+    # sensor error states of the filter; None where each IMU has its own.
     model: SensorErrorModel | None = None
-    stack: StackedRun | None = None
-    vote: Vote | None = None
+    stack: StackedRun | None = None  # solutions of all IMUs, where one filter has several
+    vote: Vote | None = None  # who was outvoted when, at system level
 
 
 def navigate_array(

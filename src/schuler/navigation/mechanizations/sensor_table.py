@@ -30,40 +30,23 @@ from schuler.types import BoolArray, FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """A stretch of time without some sensors.
+    """A stretch of time without some sensors."""
 
-    Parameters
-    ----------
-    kind : int
-        0 accelerometers, 1 gyros.
-    axes : tuple of int
-        Columns of the fusion.
-    start, stop : float
-        s; not used from `start` on, used again from `stop` on.
-    """
-
-    kind: int
-    axes: tuple[int, ...]
+    kind: int  # 0 accelerometers, 1 gyros
+    axes: tuple[int, ...]  # columns of the fusion
+    # start, stop: s; not used from `start` on, used again from `stop` on.
     start: float
     stop: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorTable:
-    """Squared white-noise densities of all sensors, constant in pieces.
+    """Squared white-noise densities of all sensors, constant in pieces."""
 
-    Parameters
-    ----------
-    time : (b,) ndarray
-        Of the first sample of every row, s; the first is that of the recording.
-    variance : (b, 2, 3 k) ndarray
-        Accelerometers and gyros; infinite where a sensor is out.
-    fusions : tuple of Fusion
-        Of every row; all about the centre of the first, so that nothing jumps.
-    """
-
+    # (b,): of the first sample of every row, s; the first is that of the recording.
     time: FloatArray
-    variance: FloatArray
+    variance: FloatArray  # (b, 2, 3 k): accelerometers and gyros; infinite where a sensor is out.
+    # of every row; all about the centre of the first, so that nothing jumps.
     fusions: tuple[Fusion, ...]
 
     @property

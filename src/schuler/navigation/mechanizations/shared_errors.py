@@ -23,17 +23,11 @@ SHOWN = 15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedErrors:
-    """Covariances between k solutions at N nodes.
+    """Covariances between k solutions at N nodes."""
 
-    Parameters
-    ----------
-    time : (N,) ndarray
-        Of the nodes, s.
-    before, after : (N, k, k, 15) ndarray
-        As `claims` has them, without and with the measurements of the node; nothing for i = j.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (N,): of the nodes, s
+    # before, after: (N, k, k, 15) as `claims` has them, without and with the measurements of the
+    # node; nothing for i = j.
     before: FloatArray
     after: FloatArray
 

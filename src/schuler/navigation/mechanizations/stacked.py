@@ -84,30 +84,14 @@ class RigidBody(Exportable):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StackedRun:
-    """What the stacked filter left behind.
+    """What the stacked filter left behind."""
 
-    Parameters
-    ----------
-    trajectories : tuple of Trajectory
-        Of each IMU, in its own axes.
-    outputs : StackOutputs
-        At samples, measurements and nodes.
-    schedule : StackSchedule
-        The measurements.
-    weight : (k,) ndarray
-        Of the IMUs in their mean.
-    covariance : (s, s) ndarray
-        At the end.
-    log_likelihood : float
-        Of the accepted GNSS measurements.
-    """
-
-    trajectories: tuple[Trajectory, ...]
-    outputs: StackOutputs
-    schedule: StackSchedule
-    weight: FloatArray
-    covariance: FloatArray
-    log_likelihood: float
+    trajectories: tuple[Trajectory, ...]  # of each IMU, in its own axes
+    outputs: StackOutputs  # at samples, measurements and nodes
+    schedule: StackSchedule  # the measurements
+    weight: FloatArray  # (k,): of the IMUs in their mean
+    covariance: FloatArray  # (s, s): at the end
+    log_likelihood: float  # of the accepted GNSS measurements
 
 
 def run_stack(

@@ -44,17 +44,10 @@ HEARD_AGAIN = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Vote:
-    """Which solutions are averaged when.
+    """Which solutions are averaged when."""
 
-    Parameters
-    ----------
-    heard : (n, k) ndarray of bool
-        False where a solution is outvoted.
-    distance : (n, k) ndarray
-        Largest distance of any component from the median of all, in its standard deviations.
-    """
-
-    heard: NDArray[np.bool_]
+    heard: NDArray[np.bool_]  # (n, k): False where a solution is outvoted
+    # (n, k): largest distance of any component from the median of all, in its standard deviations
     distance: FloatArray
 
     @property
@@ -103,24 +96,12 @@ def vote(trajectories: Sequence[Trajectory], sd: FloatArray) -> Vote:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SystemRun:
-    """The average of several solutions.
+    """The average of several solutions."""
 
-    Parameters
-    ----------
-    solution : NavigationSolution
-        For the origin of the body; causal or smoothed.
-    vote : Vote
-        Who was heard when.
-    states : int
-        Of all filters.
-    cpu_seconds : float
-        Of all threads.
-    """
-
-    solution: NavigationSolution
-    vote: Vote
-    states: int
-    cpu_seconds: float
+    solution: NavigationSolution  # for the origin of the body; causal or smoothed.
+    vote: Vote  # who was heard when
+    states: int  # of all filters
+    cpu_seconds: float  # of all threads
 
 
 @dataclass(frozen=True, slots=True, eq=False)

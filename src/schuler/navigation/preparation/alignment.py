@@ -54,34 +54,17 @@ LEAST_HEADING_SD = np.radians(1.5)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """Attitude at the first IMU sample and how well it is known.
+    """Attitude at the first IMU sample and how well it is known."""
 
-    Parameters
-    ----------
-    rotation : (3, 3) ndarray
-        C_nb at the first sample.
-    tilt_sd, heading_sd : float
-        Standard deviations in rad.
-    gyro_bias : (3,) ndarray
-        Mean rate at rest less the earth's, rad/s; zero without rest.
-    gyro_bias_sd : float or None
-        Its standard deviation; None without rest.
-    rest : tuple of float or None
-        Start and end of the rest at the beginning, s.
-    method : str
-        How it was found, for people.
-    velocity : (3,) ndarray
-        North, east, down at the first sample, m/s.
-    """
-
-    rotation: FloatArray
+    rotation: FloatArray  # (3, 3): C_nb at the first sample
+    # tilt_sd, heading_sd: standard deviations in rad
     tilt_sd: float
     heading_sd: float
-    gyro_bias: FloatArray
-    gyro_bias_sd: float | None
-    rest: tuple[float, float] | None
-    method: str
-    velocity: FloatArray
+    gyro_bias: FloatArray  # (3,): mean rate at rest less the earth's, rad/s; zero without rest.
+    gyro_bias_sd: float | None  # its standard deviation; None without rest.
+    rest: tuple[float, float] | None  # start and end of the rest at the beginning, s
+    method: str  # how it was found, for people
+    velocity: FloatArray  # (3,): north, east, down at the first sample, m/s
 
 
 def align(

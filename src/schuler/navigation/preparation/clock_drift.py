@@ -30,18 +30,10 @@ MOST = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class ClockDrift:
-    """How much the clock of an IMU loses against that of GNSS.
+    """How much the clock of an IMU loses against that of GNSS."""
 
-    Parameters
-    ----------
-    share : float
-        Seconds a second; positive: the stamps of the IMU fall behind.
-    about : float
-        IMU time that stays as it is, s.
-    """
-
-    share: float
-    about: float
+    share: float  # seconds a second; positive: the stamps of the IMU fall behind.
+    about: float  # IMU time that stays as it is, s
 
     def corrected(self, imu: ImuRecording) -> ImuRecording:
         """Return a recording on a clock as fast as that of GNSS."""

@@ -41,20 +41,11 @@ LONGEST = 600.0
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """Something that people do to recordings, undone.
+    """Something that people do to recordings, undone."""
 
-    Parameters
-    ----------
-    name : str
-        For people, as a statement.
-    cure : str
-        What to do about it.
-    undo : callable
-        Takes a recording and returns what it would be without the slip.
-    """
-
-    name: str
-    cure: str
+    name: str  # for people, as a statement
+    cure: str  # what to do about it
+    # takes a recording and returns what it would be without the slip
     undo: Callable[[ImuRecording], ImuRecording]
 
 

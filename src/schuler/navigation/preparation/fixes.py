@@ -38,20 +38,13 @@ FEWEST_HELD = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FixScreening:
-    """What was seen in the positions of a receiver.
+    """What was seen in the positions of a receiver."""
 
-    Parameters
-    ----------
-    wrong : (n,) ndarray of bool
-        Epochs that fit neither the one before nor the one behind, or only repeat a fix.
-    away : (n,) ndarray
-        How far they are from where their neighbours put them, m; zero for good ones.
-    jumps, height_jumps : tuple of (float, float)
-        Time (s) and size (m) of jumps that stay.
-    """
-
+    # (n,): epochs that fit neither the one before nor the one behind, or only repeat a fix
     wrong: NDArray[np.bool_]
+    # (n,): how far they are from where their neighbours put them, m; zero for good ones.
     away: FloatArray
+    # jumps, height_jumps: time (s) and size (m) of jumps that stay
     jumps: tuple[tuple[float, float], ...]
     height_jumps: tuple[tuple[float, float], ...] = ()
 
@@ -216,46 +209,25 @@ LEAST_JUMP = 0.4
 
 @dataclass(frozen=True, slots=True)
 class LagChange:
-    """One lag before, another one after.
+    """One lag before, another one after."""
 
-    Parameters
-    ----------
-    time : float
-        IMU time at which it changed, about, s.
-    before, after : float
-        Seconds that the IMU's stamps are late against GNSS.
-    """
-
-    time: float
+    time: float  # IMU time at which it changed, about, s
+    # before, after: seconds that the IMU's stamps are late against GNSS
     before: float
     after: float
 
 
 @dataclass(frozen=True, slots=True)
 class TurnComparison:
-    """Turns of the IMU about the vertical against turns of the course.
+    """Turns of the IMU about the vertical against turns of the course."""
 
-    Parameters
-    ----------
-    correlation : float
-        At the best lag; negative where they turn against each other; NaN where too little turns.
-    slope : float
-        Turn of the course for one of the IMU.
-    lag : float
-        Seconds that the IMU's stamps are late against GNSS.
-    seconds : float
-        Time that was compared.
-    change : LagChange or None
-        Where two lags fit much better than one.
-    log_likelihood : float
-        Of the turns at the best single lag, wild ones clipped; for comparing stamps.
-    """
-
+    # at the best lag; negative where they turn against each other; NaN where too little turns.
     correlation: float
-    slope: float
-    lag: float
-    seconds: float
-    change: LagChange | None = None
+    slope: float  # turn of the course for one of the IMU
+    lag: float  # seconds that the IMU's stamps are late against GNSS
+    seconds: float  # time that was compared
+    change: LagChange | None = None  # where two lags fit much better than one
+    # of the turns at the best single lag, wild ones clipped; for comparing stamps.
     log_likelihood: float = float("nan")
 
     @property

@@ -38,26 +38,16 @@ ROUGH_FORCE = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DataGap:
-    """A stretch in which some or all axes saw nothing.
+    """A stretch in which some or all axes saw nothing."""
 
-    Parameters
-    ----------
-    start, stop : float
-        Last time before and first time after at which everything was seen, s.
-    channels : (6,) ndarray of bool
-        Which axes, accelerometers first.
-    variance : (6,) ndarray
-        Of the interpolated increment over the whole stretch, (m/s)² and rad², in IMU axes; zero
-        for the others.
-    gap : bool
-        Whether the samples are missing altogether.
-    """
-
+    # start, stop: last time before and first time after at which everything was seen, s
     start: float
     stop: float
-    channels: NDArray[np.bool_]
+    channels: NDArray[np.bool_]  # (6,): which axes, accelerometers first
+    # (6,): of the interpolated increment over the whole stretch, (m/s)² and rad², in IMU axes; zero
+    # for the others.
     variance: FloatArray
-    gap: bool
+    gap: bool  # whether the samples are missing altogether
 
     @property
     def seconds(self) -> float:
@@ -183,42 +173,21 @@ def gap_noise_density(time: FloatArray, gaps: Sequence[DataGap]) -> FloatArray |
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Restart:
-    """A moment at which the filter begins anew, with the sensor errors it knows.
+    """A moment at which the filter begins anew, with the sensor errors it knows."""
 
-    Parameters
-    ----------
-    begin : float
-        Last moment before, s; what is measured in between is not used.
-    time : float
-        First sample of what follows, s.
-    alignment : Alignment
-        Attitude and velocity there.
-    """
-
-    begin: float
-    time: float
-    alignment: Alignment
+    begin: float  # last moment before, s; what is measured in between is not used.
+    time: float  # first sample of what follows, s
+    alignment: Alignment  # attitude and velocity there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriveCondition:
-    """What a drive suffers from, and how the filter copes.
+    """What a drive suffers from, and how the filter copes."""
 
-    Parameters
-    ----------
-    findings : tuple of Finding
-        For people.
-    gaps : tuple of DataGap
-        Stretches that were bridged.
-    restarts : tuple of Restart
-        In order of time.
-    wrong_fixes : (k,) ndarray
-        Times of GNSS epochs that are left out, on the axis of GNSS, s.
-    """
-
-    findings: tuple[Finding, ...] = ()
-    gaps: tuple[DataGap, ...] = ()
-    restarts: tuple[Restart, ...] = ()
+    findings: tuple[Finding, ...] = ()  # for people
+    gaps: tuple[DataGap, ...] = ()  # stretches that were bridged
+    restarts: tuple[Restart, ...] = ()  # in order of time
+    # (k,): times of GNSS epochs that are left out, on the axis of GNSS, s
     wrong_fixes: FloatArray | None = None
 
     @property

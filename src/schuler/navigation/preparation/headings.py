@@ -44,25 +44,14 @@ UNKNOWN_SD = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeadingPosterior:
-    """What the innovations tell of the heading of the levelled frame at the first sample.
+    """What the innovations tell of the heading of the levelled frame at the first sample."""
 
-    Parameters
-    ----------
-    mean : float
-        Circular mean, rad.
-    sd : float
-        Root of the mean square deviation from it, rad; 1.8 where nothing is known.
-    heading, log_likelihood : (k,) ndarray
-        What was tried, in order of heading, and how well it did.
-    misfit : float
-        Mean square of the normalised innovations of the best one.
-    """
-
-    mean: float
-    sd: float
+    mean: float  # circular mean, rad
+    sd: float  # root of the mean square deviation from it, rad; 1.8 where nothing is known.
+    # heading, log_likelihood: (k,) what was tried, in order of heading, and how well it did
     heading: FloatArray
     log_likelihood: FloatArray
-    misfit: float
+    misfit: float  # mean square of the normalised innovations of the best one
 
 
 def judge_headings(

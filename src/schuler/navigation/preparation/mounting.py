@@ -18,22 +18,13 @@ FASTEST_TURN = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MountingEstimate:
-    """Vehicle (forward, right, down) from IMU.
+    """Vehicle (forward, right, down) from IMU."""
 
-    Parameters
-    ----------
-    rotation : (3, 3) ndarray
-        Takes IMU vectors into the vehicle frame.
-    sd : (3,) ndarray
-        Scatter of the mean about forward, right, down, rad. The angle about forward rests on the
-        vehicle being level on average.
-    seconds : float
-        Time of straight driving it rests on.
-    """
-
-    rotation: FloatArray
+    rotation: FloatArray  # (3, 3): takes IMU vectors into the vehicle frame
+    # (3,): scatter of the mean about forward, right, down, rad. The angle about forward rests on
+    # the vehicle being level on average.
     sd: FloatArray
-    seconds: float
+    seconds: float  # time of straight driving it rests on
 
     @property
     def angles(self) -> tuple[float, float, float]:

@@ -70,33 +70,15 @@ UNKNOWN_ARM = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingStart:
-    """Attitude at the first sample of a run that begins in motion.
+    """Attitude at the first sample of a run that begins in motion."""
 
-    Parameters
-    ----------
-    rotation : (3, 3) ndarray
-        C_nb.
-    heading_sd : float
-        Its standard deviation, rad.
-    gyro_bias : (3,) ndarray
-        Mean rate less the turn of the course, rad/s.
-    gyro_bias_sd : float
-        As the stretch leaves it, of the axis that is known least.
-    velocity : (3,) ndarray
-        North, east, down, m/s.
-    seconds : float
-        Length of the stretch that told it.
-    levelled : ImuRecording
-        The first seconds, the biases of the gyros taken off.
-    """
-
-    rotation: FloatArray
-    heading_sd: float
-    gyro_bias: FloatArray
-    gyro_bias_sd: float
-    velocity: FloatArray
-    seconds: float
-    levelled: ImuRecording
+    rotation: FloatArray  # (3, 3): C_nb
+    heading_sd: float  # its standard deviation, rad
+    gyro_bias: FloatArray  # (3,): mean rate less the turn of the course, rad/s
+    gyro_bias_sd: float  # as the stretch leaves it, of the axis that is known least
+    velocity: FloatArray  # (3,): north, east, down, m/s
+    seconds: float  # length of the stretch that told it
+    levelled: ImuRecording  # the first seconds, the biases of the gyros taken off
 
 
 def start_in_motion(

@@ -55,18 +55,10 @@ ALIGNED_WITHIN = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedDrive:
-    """A recording as it is used, and everything a run of it needs.
+    """A recording as it is used, and everything a run of it needs."""
 
-    Parameters
-    ----------
-    imu : ImuRecording
-        Cut to where it can be used, short gaps bridged.
-    setup : RunSetup
-        Ready to run.
-    """
-
-    imu: ImuRecording
-    setup: RunSetup
+    imu: ImuRecording  # cut to where it can be used, short gaps bridged
+    setup: RunSetup  # ready to run
 
 
 def prepare(

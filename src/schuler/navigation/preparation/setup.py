@@ -48,21 +48,14 @@ class TimeOffsets:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseFactors:
-    """Multiples of a base model that a drive was found to need.
+    """Multiples of a base model that a drive was found to need."""
 
-    Parameters
-    ----------
-    white : (6,) ndarray
-        On the white-noise densities, accelerometer x, y, z, gyro x, y, z.
-    drive_accel, drive_gyro : float
-        On the standard deviation of the noise that drives the sensor error states.
-    position_sd, velocity_sd : float
-        On the receiver's standard deviations.
-    """
-
-    white: FloatArray
+    white: FloatArray  # (6,): on the white-noise densities, accelerometer x, y, z, gyro x, y, z
+    # drive_accel, drive_gyro: on the standard deviation of the noise that drives the sensor error
+    # states
     drive_accel: float = 1.0
     drive_gyro: float = 1.0
+    # position_sd, velocity_sd: on the receiver's standard deviations
     position_sd: float = 1.0
     velocity_sd: float = 1.0
 
@@ -81,34 +74,18 @@ class NoiseFactors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorStart:
-    """What is known of the first sensor states at the first sample, instead of the model's word.
+    """What is known of the first sensor states at the first sample, instead of the model's word."""
 
-    Parameters
-    ----------
-    state : (p,) ndarray
-        Estimates, SI.
-    covariance : (p, p) ndarray
-        Of their errors.
-    """
-
-    state: FloatArray
-    covariance: FloatArray
+    state: FloatArray  # (p,): estimates, SI
+    covariance: FloatArray  # (p, p): of their errors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterSpread:
-    """How well parameters of a setup are known that a drive has told.
+    """How well parameters of a setup are known that a drive has told."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        As in tuning/tune.py.
-    covariance : (p, p) ndarray
-        In nepers, exponents and units of the search for offsets.
-    """
-
-    names: tuple[str, ...]
-    covariance: FloatArray
+    names: tuple[str, ...]  # as in tuning/tune.py
+    covariance: FloatArray  # (p, p): in nepers, exponents and units of the search for offsets
 
     def columns(self) -> list[dict[str, float]]:
         """Return the columns of a square root of the covariance, none longer than allowed."""
@@ -125,56 +102,26 @@ class ParameterSpread:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunSetup:
-    """Everything a run needs besides the recordings.
+    """Everything a run needs besides the recordings."""
 
-    Parameters
-    ----------
-    model : SensorErrorModel
-        With factors already applied.
-    factors : NoiseFactors
-        For the record, and for the receiver's standard deviations.
-    offsets : TimeOffsets
-        Of GNSS.
-    alignment : Alignment
-        Attitude at the first sample.
-    lever_arm : (3,) ndarray
-        Antenna from IMU in the body frame, m.
-    vibration : VibrationResponse
-        How the white noise follows vibration.
-    vehicle : VehicleConstraint or None
-        What is known of the vehicle; its states are then the last of the model's.
-    sensor_start : SensorStart or None
-        Of the first states of the model; None: from model and alignment.
-    sources : tuple of Aiding
-        Measurements besides GNSS and vehicle: parity, for instance.
-    condition : DriveCondition
-        What the drive suffers from, and how the filter copes.
-    measurements : MeasurementOptions
-        How GNSS is weighted, and other sensors; their states are among the model's.
-    settings : NavigationSettings
-        What the user said.
-    stretches : SensorStretches or None
-        Where it changes how the sensors of an array show.
-    spread : ParameterSpread or None
-        How well the drive tells what was tuned.
-    arm_covariance : (3, 3) ndarray or None
-        Of a lever arm that the drive has told, m²; None: it was told.
-    """
-
-    model: SensorErrorModel
-    factors: NoiseFactors
-    offsets: TimeOffsets
-    alignment: Alignment
-    lever_arm: FloatArray
-    vibration: VibrationResponse = CONSTANT_NOISE
+    model: SensorErrorModel  # with factors already applied
+    factors: NoiseFactors  # for the record, and for the receiver's standard deviations
+    offsets: TimeOffsets  # of GNSS
+    alignment: Alignment  # attitude at the first sample
+    lever_arm: FloatArray  # (3,): antenna from IMU in the body frame, m
+    vibration: VibrationResponse = CONSTANT_NOISE  # how the white noise follows vibration
+    # what is known of the vehicle; its states are then the last of the model's.
     vehicle: VehicleConstraint | None = None
+    # of the first states of the model; None: from model and alignment.
     sensor_start: SensorStart | None = None
-    sources: tuple[Aiding, ...] = ()
-    condition: DriveCondition = SOUND
+    sources: tuple[Aiding, ...] = ()  # measurements besides GNSS and vehicle: parity, for instance
+    condition: DriveCondition = SOUND  # what the drive suffers from, and how the filter copes
+    # how GNSS is weighted, and other sensors; their states are among the model's.
     measurements: MeasurementOptions = WHITE_ERRORS
-    settings: NavigationSettings = field(default_factory=NavigationSettings)
-    stretches: SensorStretches | None = None
-    spread: ParameterSpread | None = None
+    settings: NavigationSettings = field(default_factory=NavigationSettings)  # what the user said
+    stretches: SensorStretches | None = None  # where it changes how the sensors of an array show
+    spread: ParameterSpread | None = None  # how well the drive tells what was tuned
+    # (3, 3): of a lever arm that the drive has told, m²; None: it was told.
     arm_covariance: FloatArray | None = None
 
     @property

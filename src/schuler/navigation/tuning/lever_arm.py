@@ -45,22 +45,13 @@ PASSES = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeverArm:
-    """An antenna as a drive tells it.
+    """An antenna as a drive tells it."""
 
-    Parameters
-    ----------
-    arm, sd : (3,) ndarray
-        From the IMU, in its axes, and standard errors, m.
-    gain : float
-        Of the log-likelihood over the arm that was told.
-    offsets : TimeOffsets
-        That go with it.
-    """
-
+    # arm, sd: (3,) from the IMU, in its axes, and standard errors, m
     arm: FloatArray
     sd: FloatArray
-    gain: float
-    offsets: TimeOffsets
+    gain: float  # of the log-likelihood over the arm that was told
+    offsets: TimeOffsets  # that go with it
 
     def differs(self, told: FloatArray) -> bool:
         """Whether it is another than was told."""

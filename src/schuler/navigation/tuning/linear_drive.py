@@ -45,26 +45,16 @@ def linearisable(setup: RunSetup, gnss: GnssRecording) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepParts:
-    """Nodes of a run, and the parts of samples between them.
+    """Nodes of a run, and the parts of samples between them."""
 
-    Parameters
-    ----------
-    time : (k,) ndarray
-        Of the nodes, s.
-    before, after : (k, m) ndarray
-        Sensor states there before and after their measurements.
-    node, sample : (n,) ndarray of int
-        Node that a part leads to, and sample that it belongs to.
-    span : (n,) ndarray
-        s.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (k,): of the nodes, s
+    # before, after: (k, m) sensor states there before and after their measurements
     before: FloatArray
     after: FloatArray
+    # node, sample: (n,) node that a part leads to, and sample that it belongs to
     node: IntArray
     sample: IntArray
-    span: FloatArray
+    span: FloatArray  # (n,): s
 
     @classmethod
     def of(cls, imu: ImuRecording, run: FilterRun) -> StepParts:

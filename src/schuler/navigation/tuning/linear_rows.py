@@ -23,17 +23,10 @@ from schuler.types import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AntennaPath:
-    """How an antenna moves, without the jumps of the filter; between samples as the filter does.
+    """How an antenna moves, without the jumps of the filter; between samples as the filter does."""
 
-    Parameters
-    ----------
-    time : (n,) ndarray
-        Of the samples, s.
-    velocity, way : (n, 3) ndarray
-        NED, m/s, and its integral, m.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (n,): of the samples, s
+    # velocity, way: (n, 3) NED, m/s, and its integral, m
     velocity: FloatArray
     way: FloatArray
 
@@ -60,57 +53,27 @@ class AntennaPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowTable:
-    """Measurements in the order of a run, with what it knew before each of them.
+    """Measurements in the order of a run, with what it knew before each of them."""
 
-    Parameters
-    ----------
-    time : (r,) ndarray
-        s.
-    kind, node, fix : (r,) ndarray of int
-        Kind of aiding, node of the run, epoch of GNSS (-1: none).
-    design : (r, 3, s) ndarray
-        H.
-    variance : (r, 3) ndarray
-        Of the noise; 0 where a component is not used.
-    extra : (r, 3) ndarray
-        What of it is not the measurement's own.
-    claimed : (r, 3) ndarray
-        What a receiver claims by itself.
-    residual : (r, 3) ndarray
-        Predicted minus measured.
-    correction : (r, s) ndarray
-        What was fed back after it.
-    rotation, turn : (r, 3, 3) ndarray
-        C_nb, and how a metre of lever arm shows in velocity.
-    push : (r, 3, 3 + m) ndarray
-        Derivatives of acceleration by attitude and sensor states.
-    jump : (r, 3) ndarray
-        What was fed back to velocity before it.
-    sensors : (r, m) ndarray
-        Sensor states.
-    sample : (r,) ndarray of int
-        Into which it falls.
-    path : AntennaPath
-        Of the whole drive.
-    """
-
-    time: FloatArray
+    time: FloatArray  # (r,): s
+    # kind, node, fix: (r,) kind of aiding, node of the run, epoch of GNSS (-1: none)
     kind: IntArray
     node: IntArray
     fix: IntArray
-    design: FloatArray
-    variance: FloatArray
-    extra: FloatArray
-    claimed: FloatArray
-    residual: FloatArray
-    correction: FloatArray
+    design: FloatArray  # (r, 3, s): H
+    variance: FloatArray  # (r, 3): of the noise; 0 where a component is not used.
+    extra: FloatArray  # (r, 3): what of it is not the measurement's own
+    claimed: FloatArray  # (r, 3): what a receiver claims by itself
+    residual: FloatArray  # (r, 3): predicted minus measured
+    correction: FloatArray  # (r, s): what was fed back after it
+    # rotation, turn: (r, 3, 3) C_nb, and how a metre of lever arm shows in velocity
     rotation: FloatArray
     turn: FloatArray
-    push: FloatArray
-    jump: FloatArray
-    sensors: FloatArray
-    sample: IntArray
-    path: AntennaPath
+    push: FloatArray  # (r, 3, 3 + m): derivatives of acceleration by attitude and sensor states
+    jump: FloatArray  # (r, 3): what was fed back to velocity before it
+    sensors: FloatArray  # (r, m): sensor states
+    sample: IntArray  # (r,): into which it falls
+    path: AntennaPath  # of the whole drive
 
     @classmethod
     def of(

@@ -61,63 +61,33 @@ LEAST_POSITION_FACTOR = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tuning:
-    """Outcome of `tune`.
+    """Outcome of `tune`."""
 
-    Parameters
-    ----------
-    setup : RunSetup
-        Ready to run.
-    values : dict of str to float
-        By parameter, in nepers, exponents, and units of the search for offsets.
-    log_likelihood : float
-        Sum over the thinned runs, prior included.
-    gain : float
-        By how much it rose above the start.
-    evaluations : int
-        How many sets of parameters were tried.
-    converged : bool
-        Whether the search ended by itself.
-    standard_errors : dict of str to float
-        By parameter, in nepers, offsets in s, from the scatter of the scores over pieces of the
-        drive: that innovations appear in several thinnings, and are not quite white, is in it.
-    """
-
-    setup: RunSetup
+    setup: RunSetup  # ready to run
+    # by parameter, in nepers, exponents, and units of the search for offsets
     values: dict[str, float]
-    log_likelihood: float
-    gain: float
-    evaluations: int
-    converged: bool
+    log_likelihood: float  # sum over the thinned runs, prior included
+    gain: float  # by how much it rose above the start
+    evaluations: int  # how many sets of parameters were tried
+    converged: bool  # whether the search ended by itself
+    # by parameter, in nepers, offsets in s, from the scatter of the scores over pieces of the
+    # drive: that innovations appear in several thinnings, and are not quite white, is in it
     standard_errors: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sought:
-    """What `tune` looks for, and from where.
+    """What `tune` looks for, and from where."""
 
-    Parameters
-    ----------
-    noise : {"channels", "sensors"} or None
-        Factors on the noise: of every channel, of accelerometers and gyros, or none.
-    offsets : bool
-        Time offsets of GNSS.
-    first, fixed : dict of str to float
-        Values to begin with, and values that are held.
-    prior_sd : float
-        Of a factor, nepers.
-    longest : int
-        Most steps.
-    until : float
-        Time up to which the drive is looked at, s.
-    """
-
+    # factors on the noise: of every channel, of accelerometers and gyros, or none
     noise: Literal["channels", "sensors"] | None
-    offsets: bool
+    offsets: bool  # time offsets of GNSS
+    # first, fixed: values to begin with, and values that are held
     first: Mapping[str, float] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
-    prior_sd: float = PRIOR_SD
-    longest: int = LONGEST_SEARCH
-    until: float = np.inf
+    prior_sd: float = PRIOR_SD  # of a factor, nepers
+    longest: int = LONGEST_SEARCH  # most steps
+    until: float = np.inf  # time up to which the drive is looked at, s
 
     def names(self, start: RunSetup, gnss: GnssRecording) -> tuple[str, ...]:
         """Return the free parameters."""

@@ -26,34 +26,19 @@ STANDARD_GRAVITY = 9.80665
 
 @dataclass(frozen=True, slots=True)
 class Manoeuvre:
-    """A stretch of driving in which speed and heading go softly to new values.
+    """A stretch of driving in which speed and heading go softly to new values."""
 
-    Parameters
-    ----------
-    duration : float
-        Seconds; at least one where speed or heading changes.
-    speed : float
-        At the end, m/s along the road.
-    turn : float
-        Change of heading, rad, positive to the right.
-    """
-
-    duration: float
-    speed: float
-    turn: float = 0.0
+    duration: float  # seconds; at least one where speed or heading changes.
+    speed: float  # at the end, m/s along the road
+    turn: float = 0.0  # change of heading, rad, positive to the right
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Road:
-    """Slope and bank of a road: sums of waves along the way, flat without any.
+    """Slope and bank of a road: sums of waves along the way, flat without any."""
 
-    Parameters
-    ----------
-    grade, bank : (k, 3) ndarray
-        Amplitude rad, wavelength m, phase rad of each wave of the climb angle (up positive) and
-        of the roll angle (right side down positive).
-    """
-
+    # grade, bank: (k, 3) amplitude rad, wavelength m, phase rad of each wave of the climb angle (up
+    # positive) and of the roll angle (right side down positive)
     grade: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     bank: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
@@ -83,17 +68,11 @@ class Road:
 
 @dataclass(frozen=True, slots=True)
 class Suspension:
-    """How far a car leans under acceleration.
+    """How far a car leans under acceleration."""
 
-    Parameters
-    ----------
-    pitch_gradient : float
-        Nose up under forward acceleration, rad per m/s² (0.005: three degrees a g).
-    roll_gradient : float
-        Lean to the outside of a curve, rad per m/s² (0.009: five degrees a g).
-    """
-
+    # nose up under forward acceleration, rad per m/s² (0.005: three degrees a g)
     pitch_gradient: float = 0.005
+    # lean to the outside of a curve, rad per m/s² (0.009: five degrees a g)
     roll_gradient: float = 0.009
 
     def lean(self, forward: FloatArray, to_the_right: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -103,14 +82,9 @@ class Suspension:
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """How far a motorcycle leans: as far into the curve as keeps it from falling.
+    """How far a motorcycle leans: as far into the curve as keeps it from falling."""
 
-    Parameters
-    ----------
-    pitch_gradient : float
-        Nose up under forward acceleration, rad per m/s² (a soft fork: six degrees a g).
-    """
-
+    # nose up under forward acceleration, rad per m/s² (a soft fork: six degrees a g)
     pitch_gradient: float = 0.01
 
     def lean(self, forward: FloatArray, to_the_right: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -120,23 +94,15 @@ class Balance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """Speed and heading along a plan at some times.
+    """Speed and heading along a plan at some times."""
 
-    Parameters
-    ----------
-    speed, acceleration : (n,) ndarray
-        Along the road, m/s and m/s².
-    heading, heading_rate : (n,) ndarray
-        Rad and rad/s.
-    distance : (n,) ndarray
-        Metres gone.
-    """
-
+    # speed, acceleration: (n,) along the road, m/s and m/s²
     speed: FloatArray
     acceleration: FloatArray
+    # heading, heading_rate: (n,) rad and rad/s
     heading: FloatArray
     heading_rate: FloatArray
-    distance: FloatArray
+    distance: FloatArray  # (n,): metres gone
 
 
 def course_along(manoeuvres: Sequence[Manoeuvre], heading: float, time: FloatArray) -> Course:

@@ -26,22 +26,13 @@ HOVER = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A move from one hover point to the next, with a turn of the nose.
+    """A move from one hover point to the next, with a turn of the nose."""
 
-    Parameters
-    ----------
-    start, duration : float
-        Seconds.
-    move : tuple of float
-        North, east, up, m.
-    turn : float
-        Change of yaw, rad.
-    """
-
+    # start, duration: seconds
     start: float
     duration: float
-    move: tuple[float, float, float]
-    turn: float = 0.0
+    move: tuple[float, float, float]  # north, east, up, m
+    turn: float = 0.0  # change of yaw, rad
 
 
 def _zig_zag(start: float, stop: float, rng: np.random.Generator) -> list[Leg]:

@@ -28,14 +28,9 @@ def soft_step(time: FloatArray, start: float, duration: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waves:
-    """A sum of sinusoids: wander without steps in any derivative.
+    """A sum of sinusoids: wander without steps in any derivative."""
 
-    Parameters
-    ----------
-    amplitude, frequency, phase : (k,) ndarray
-        In the unit of what wanders, Hz, rad.
-    """
-
+    # amplitude, frequency, phase: (k,) in the unit of what wanders, Hz, rad
     amplitude: FloatArray
     frequency: FloatArray
     phase: FloatArray

@@ -30,27 +30,13 @@ DEGREE = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Position and attitude with their derivatives at some times.
+    """Position and attitude with their derivatives at some times."""
 
-    Parameters
-    ----------
-    position : (n, 3) ndarray
-        Latitude rad, longitude rad, height m.
-    velocity : (n, 3) ndarray
-        North, east, down over the earth, m/s.
-    velocity_rate : (n, 3) ndarray
-        Derivative of these three numbers with time, m/s².
-    euler : (n, 3) ndarray
-        Roll, pitch, yaw, rad, continuous (not wrapped).
-    euler_rate : (n, 3) ndarray
-        Their derivatives, rad/s.
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    velocity_rate: FloatArray
-    euler: FloatArray
-    euler_rate: FloatArray
+    position: FloatArray  # (n, 3): latitude rad, longitude rad, height m
+    velocity: FloatArray  # (n, 3): north, east, down over the earth, m/s
+    velocity_rate: FloatArray  # (n, 3): derivative of these three numbers with time, m/s²
+    euler: FloatArray  # (n, 3): roll, pitch, yaw, rad, continuous (not wrapped)
+    euler_rate: FloatArray  # (n, 3): their derivatives, rad/s
 
 
 @dataclass(frozen=True, slots=True, eq=False)

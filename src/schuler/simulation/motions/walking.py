@@ -25,24 +25,15 @@ class Gait:
 
     Bounce and surge repeat with every step, sway and the swing of the angles with every second
     one. They grow with the square of the speed and vanish in standing.
-
-    Parameters
-    ----------
-    speed : float
-        m/s.
-    step_length : float
-        Metres; the step frequency is speed over step length.
-    bounce, surge, sway : float
-        Amplitudes up, forward and to the right, m.
-    roll, pitch, yaw : float
-        Amplitudes of the trunk's angles, rad.
     """
 
-    speed: float = 1.4
-    step_length: float = 0.75
+    speed: float = 1.4  # m/s
+    step_length: float = 0.75  # metres; the step frequency is speed over step length.
+    # bounce, surge, sway: amplitudes up, forward and to the right, m
     bounce: float = 0.022
     surge: float = 0.012
     sway: float = 0.02
+    # roll, pitch, yaw: amplitudes of the trunk's angles, rad
     roll: float = 0.04
     pitch: float = 0.03
     yaw: float = 0.07

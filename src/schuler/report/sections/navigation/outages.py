@@ -31,18 +31,10 @@ def answers(evaluation: OutageEvaluation) -> list[tuple[str, str, OutageStatisti
 
 @dataclass(frozen=True, slots=True)
 class OutageResults:
-    """An outage evaluation with what its map needs.
+    """An outage evaluation with what its map needs."""
 
-    Parameters
-    ----------
-    evaluation : OutageEvaluation
-        Errors with GNSS withheld.
-    gnss : GnssRecording
-        All epochs, those withheld as well.
-    """
-
-    evaluation: OutageEvaluation
-    gnss: GnssRecording
+    evaluation: OutageEvaluation  # errors with GNSS withheld
+    gnss: GnssRecording  # all epochs, those withheld as well
 
     @property
     def first_run(self) -> NavigationResults:

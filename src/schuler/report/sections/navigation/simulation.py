@@ -17,18 +17,10 @@ from schuler.simulation.scenario import SimulatedDrive
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulationResults:
-    """A simulated drive and its description.
+    """A simulated drive and its description."""
 
-    Parameters
-    ----------
-    drive : SimulatedDrive
-        Recordings and truth.
-    told : dict
-        Plain values: what was asked for.
-    """
-
-    drive: SimulatedDrive
-    told: dict[str, Any]
+    drive: SimulatedDrive  # recordings and truth
+    told: dict[str, Any]  # plain values: what was asked for
 
 
 @register
