@@ -21,6 +21,7 @@ from schuler import (
     wavelet_variance,
 )
 from schuler.cli.app import run
+from schuler.curves.spectrum_sums import SEGMENT
 from schuler.errors import EstimationError, InputError
 from schuler.estimation.gmwm.fit import fit_gmwm_curves
 from schuler.estimation.long_record import (
@@ -30,6 +31,7 @@ from schuler.estimation.long_record import (
     characterize_sums,
     collect_sums,
 )
+from schuler.estimation.spectrum.fit import fit_spectrum
 from schuler.io import read_imu
 from schuler.io.pieces import read_imu_pieces
 from schuler.io.trajectories.mcap import write_recording
@@ -164,7 +166,7 @@ def test_a_clock_that_turns_at_midnight_between_files_goes_on_and_it_is_said(
         list(read_imu_pieces(folder))
 
 
-def test_wavelet_moments_of_pieces_on_the_command_line(
+def test_methods_on_pieces_on_the_command_line(
     still: ImuRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(still, tmp_path / "imu.parquet")
@@ -176,8 +178,14 @@ def test_wavelet_moments_of_pieces_on_the_command_line(
         assert found["channels"]["gyro_y"]["parameters"][name]["value"] == pytest.approx(
             value, rel=1e-4
         )
-    assert run(["characterize", *where, "--method", "psd"]) == 2
-    assert "--method allan or gmwm" in capsys.readouterr().err
+    assert run(["characterize", *where, "--method", "psd"]) == 0
+    found = json.loads(capsys.readouterr().out)["channels"]["gyro_y"]
+    curve = power_spectral_density(still.gyro[:, 1], still.rate, onesided=False, segment=SEGMENT)
+    assert found["method"] == "psd"
+    for name, value in fit_spectrum(curve, "W+K").parameters.items():
+        assert found["parameters"][name]["value"] == pytest.approx(value, rel=1e-4)
+    assert run(["characterize", *where, "--method", "ml"]) == 2
+    assert "--method allan, gmwm or psd" in capsys.readouterr().err
 
 
 def test_sums_of_parts_are_kept_and_added(

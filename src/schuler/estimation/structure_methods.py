@@ -69,6 +69,11 @@ def _innovation_variance(process: Process, dt: float) -> float | None:
     return variance if np.isfinite(variance) else None
 
 
+def shared_flag(flag: str) -> str:
+    """Return the plain words of a flag of an estimator."""
+    return _SHARED_FLAGS.get(flag, flag)
+
+
 def _answer(
     method: str,
     ready: Prepared,
@@ -81,7 +86,7 @@ def _answer(
     block: int = 1,
 ) -> MethodIdentification:
     """An answer in shared words; `errors` has the keys of all that was estimated."""
-    words = [_SHARED_FLAGS.get(flag, flag) for flag in flags]
+    words = [shared_flag(flag) for flag in flags]
     outlier = outlier_flag(ready.raw, float(ready.raw.mean()))
     if outlier and method != "gmwm-robust":
         words.append(outlier)
@@ -157,6 +162,18 @@ def _only_auto(model: Model, method: str) -> None:
         )
 
 
+def random_parts(process: ProcessSum) -> ProcessSum:
+    """Return what a spectrum can be fitted by: a process without its drifts."""
+    random = tuple(p for p in process.parts if p.random)
+    if not random:
+        raise EstimationError(
+            "nothing random is left for a spectrum beside "
+            + " + ".join(p.kind for p in process.parts),
+            cure="use method 'allan', which fits drifts",
+        )
+    return ProcessSum(random)
+
+
 def by_spectrum(
     ready: Prepared, model: Model, shortest: float | None = None
 ) -> MethodIdentification:
@@ -167,15 +184,7 @@ def by_spectrum(
     highest = 0.5 * ready.rate / block
     if isinstance(model, str):
         # a spectrum alone cannot tell a slow Gauss-Markov noise from a walk
-        chosen = identify_prepared(ready, model).process.parts
-        random = tuple(p for p in chosen if p.random)
-        if not random:
-            raise EstimationError(
-                "nothing random is left for a spectrum beside "
-                + " + ".join(p.kind for p in chosen),
-                cure="use method 'allan', which fits drifts",
-            )
-        model = ProcessSum(random)
+        model = random_parts(identify_prepared(ready, model).process)
     band = None if block == 1 else (0.0, highest)
     fit = identify_spectrum(ready.values, ready.rate, model, band=band)
     return _answer(

@@ -221,7 +221,7 @@ def detect_faults(
         if kind == "accel" and rate is not None and sensors.spacing > 0.0:
             tensor = turning_tensor(sensors.time, rate, causal=causal)
             # where every gyro is saturated, nobody knows what rotation does over the lever arms
-            lost = np.isnan(rate).any(axis=1)
+            lost = np.asarray(np.isnan(rate).any(axis=1))
             known = np.where(lost[:, None], np.nan, sensors.measurements)
             judged = replace(sensors, measurements=known) if lost.any() else sensors
         followed = follow_sensors(

@@ -107,10 +107,10 @@ def characterize(
     methods = chosen_methods(method, needs_model=files.wanted)
     model = str(checked_model(model))
     if kept_sums(file) or pieces.sums_out is not None or too_large(file, pieces.memory):
-        if methods not in ((), ("gmwm",)) or rest or repair or calibration is not None:
+        if methods not in ((), ("gmwm",), ("psd",)) or rest or repair or calibration is not None:
             raise InputError(
                 f"{file.name} is read in pieces",
-                expected="--method allan or gmwm, without --rest, --repair or --calibration",
+                expected="--method allan, gmwm or psd, without --rest, --repair or --calibration",
                 cure="--memory MEGABYTES allows more, or take a part of it",
             )
         how = (model, methods[0] if methods else "allan")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
 
 from schuler.data.imu import ImuRecording
 from schuler.errors import InputError
@@ -11,6 +13,8 @@ from schuler.estimation.gmwm.fit import fit_gmwm_curves
 from schuler.estimation.identification import Identification
 from schuler.estimation.joint_fit import identify_curve
 from schuler.estimation.long_record.sums import RecordSums, collect_sums
+from schuler.estimation.spectrum.fit import SpectrumFit, fit_spectrum
+from schuler.estimation.structure_methods import random_parts, shared_flag
 from schuler.noise import Process
 
 NOT_LOOKED_AT = (
@@ -19,7 +23,18 @@ NOT_LOOKED_AT = (
 )
 
 
-METHODS = ("allan", "gmwm")
+METHODS = ("allan", "gmwm", "psd")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DensityIdentification(Identification):
+    """What the power spectral density found; the structure is that of the Allan deviation."""
+
+    density: SpectrumFit
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON, in SI."""
+        return Identification.to_dict(self) | {"method": "psd", "density": self.density.to_dict()}
 
 
 def characterize_pieces(
@@ -38,8 +53,9 @@ def characterize_pieces(
         As for `identify`.
     name : str
         Of the record.
-    method : {"allan", "gmwm"}
-        By the Allan deviation, or by the generalised method of wavelet moments.
+    method : {"allan", "gmwm", "psd"}
+        By the Allan deviation, by the generalised method of wavelet moments, or by the power
+        spectral density.
 
     Returns
     -------
@@ -81,8 +97,9 @@ def characterize_sums(
         As for `identify`.
     name : str
         Of the record.
-    method : {"allan", "gmwm"}
-        By the Allan deviation, or by the generalised method of wavelet moments.
+    method : {"allan", "gmwm", "psd"}
+        By the Allan deviation, by the generalised method of wavelet moments, or by the power
+        spectral density.
 
     Returns
     -------
@@ -108,8 +125,20 @@ def characterize_sums(
     def by_wavelet_moments(channel: int) -> Identification:
         return fit_gmwm_curves([sums.allan.wavelet_variance(channel)], model)
 
-    fit: Callable[[int], Identification] = by_allan if method == "allan" else by_wavelet_moments
-    channels = {c: fit(j) for j, c in enumerate(sums.channels)}
+    def by_density(channel: int) -> Identification:
+        chosen = by_allan(channel)
+        random = random_parts(chosen.process)
+        fit = fit_spectrum(sums.spectrum.curve(channel, onesided=False), random)
+        return DensityIdentification(
+            fit.process, fit.standard_errors, fit.intervals, chosen.limits, chosen.curve,
+            chosen.diagnostics, chosen.slopes, fit.verdict, fit,
+            flags=tuple(shared_flag(flag) for flag in fit.flags),
+        )  # fmt: skip
+
+    fits: dict[str, Callable[[int], Identification]] = {
+        "allan": by_allan, "gmwm": by_wavelet_moments, "psd": by_density,
+    }  # fmt: skip
+    channels = {c: fits[method](j) for j, c in enumerate(sums.channels)}
     said = [NOT_LOOKED_AT]
     if sums.left_out:
         said.append(
