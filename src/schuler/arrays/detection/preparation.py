@@ -129,7 +129,11 @@ def prepare_detection(
             used = array if bandwidth is None else low_passed(array, bandwidth)
             return _with_errors(used, how, notes, motion=bandwidth is not None)
         calibration = _in_passing(array, bandwidth)
-        notes.append("the array was not calibrated: calibrated in passing, on this recording")
+        notes.append(
+            "the array was not calibrated: calibrated in passing, on this recording, in which a "
+            "fault that lasts may hide (a calibration of another recording shows it: schuler "
+            "calibrate, --calibration)"
+        )
     used = _calibrated(array, calibration, bandwidth)
     return _with_errors(used, how, notes, motion=True)
 
