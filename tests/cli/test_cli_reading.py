@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from schuler.cli.app import run
-from schuler.cli.wording import in_options
+from schuler.cli.console import in_options
 
 DATA = os.environ.get("SCHULER_DATA")
 CASES = Path(DATA).parent / "cases" / "inputs" if DATA else Path("cases")

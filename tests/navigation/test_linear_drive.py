@@ -15,8 +15,7 @@ from schuler.navigation.innovation_likelihood import RUN, InnovationSequence, th
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.tuning.gnss_errors import SLOW, TIME, WHITE
 from schuler.navigation.tuning.likelihood import innovations
-from schuler.navigation.tuning.linear_drive import LinearDrive, linearisable
-from schuler.navigation.tuning.linear_search import DriveLikelihood
+from schuler.navigation.tuning.linear_drive import DriveLikelihood, LinearDrive, linearisable
 from schuler.navigation.tuning.tune import ARM, setup_at
 from schuler.navigation.tuning.vibration import vibration_level
 from schuler.simulation import car_urban

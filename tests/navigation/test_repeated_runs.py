@@ -10,9 +10,8 @@ from array_twins import draw_array, mems
 from schuler.arrays.geometry import orthogonal_mounting
 from schuler.navigation.engine import gate_thresholds, run_engine
 from schuler.navigation.innovation_likelihood import InnovationSequence
-from schuler.navigation.preparation.headings import decimated_inputs
+from schuler.navigation.preparation.headings import RepeatedRuns, decimated_inputs
 from schuler.navigation.preparation.moving_start import inflated_model
-from schuler.navigation.repeated_runs import RepeatedRuns
 from schuler.rotations import dcm_from_euler
 from schuler.simulation import motorcycle
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import schuler
 from schuler.earth import metres_per_radian
-from schuler.navigation.tuning.standing_errors import Wander, wander_at_stands
+from schuler.navigation.tuning.gnss_errors import Wander, wander_at_stands
 from schuler.simulation import car_urban, ideal_imu, simulate_imu
 from schuler.simulation.receivers import DIFFERENTIAL_CODE, simulate_receiver
 

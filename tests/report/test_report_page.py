@@ -33,7 +33,7 @@ from schuler.report import (
 )
 from schuler.report.figures import line
 from schuler.report.page import anchor, plotly_script, safe_json
-from schuler.report.sections.navigation.uncertainty import errors_against
+from schuler.report.sections.navigation.filtering import errors_against
 
 HOSTILE = "<script>alert('x')</script><img src=x onerror=alert(1)>\"'&{{7*7}}</title>"
 

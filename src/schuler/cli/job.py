@@ -19,7 +19,7 @@ from schuler.errors import InputError
 from schuler.execution.progress import Progress, progress
 
 if TYPE_CHECKING:
-    from schuler.report.provenance import Provenance
+    from schuler.report.page import Provenance
 
 GOOD, FAILED_CHECK = 0, 1
 
@@ -169,7 +169,7 @@ def command_provenance(
 ) -> Provenance:
     """Record this command with its inputs."""
     from schuler.data.to_dict import plain
-    from schuler.report.provenance import record_provenance
+    from schuler.report.page import record_provenance
 
     return record_provenance(
         command="schuler " + shlex.join(sys.argv[1:]),

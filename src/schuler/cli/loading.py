@@ -8,8 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from schuler.cli.console import say
-from schuler.cli.wording import in_options
+from schuler.cli.console import in_options, say
 from schuler.errors import InputError, SchulerError
 from schuler.execution.progress import progress
 

@@ -33,7 +33,7 @@ from schuler.io.columns import (
 )
 from schuler.io.options import ReadOptions, choose_columns, unit_of
 from schuler.io.source import Columns, Notes, Source
-from schuler.io.tables.two_rates import on_one_axis
+from schuler.io.time_repair import on_one_axis
 from schuler.io.units_by_physics import Taken, confirm_units, refuse_impossible
 from schuler.types import FloatArray
 

@@ -27,12 +27,11 @@ from schuler.navigation.aiding.schedule import (
 from schuler.navigation.aiding.wheel import find_wheel_speeds
 from schuler.navigation.engine import FilterRun, SampleOutputs, gate_thresholds
 from schuler.navigation.error_models.catalogue import ErrorModel
-from schuler.navigation.innovation_causes import causes
 from schuler.navigation.lagged import smooth_run_with_lag
 from schuler.navigation.parameter_uncertainty import missing_covariance, with_arm_uncertainty
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.setup import RunSetup
-from schuler.navigation.run_findings import findings_of_run
+from schuler.navigation.run_findings import causes, findings_of_run
 from schuler.navigation.segments import RunSegment, run_in_segments, split_at_restarts
 from schuler.navigation.smoother import SmoothedRun, smooth_run
 from schuler.screening.screen import Finding

@@ -24,8 +24,15 @@ from schuler.report.blocks import (
 )
 from schuler.report.figures import Dash, axis, band, limits, line, marks
 from schuler.report.numbers import MISSING, duration, number, with_error
-from schuler.report.page import anchor, render_page, render_report, write_report
-from schuler.report.provenance import InputFile, Provenance, record_provenance
+from schuler.report.page import (
+    InputFile,
+    Provenance,
+    anchor,
+    record_provenance,
+    render_page,
+    render_report,
+    write_report,
+)
 from schuler.report.sections.navigation.run import NavigationResults
 from schuler.report.sections.registry import register
 

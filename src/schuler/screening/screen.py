@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from schuler.data import ImuRecording
 from schuler.data.exportable import Exportable
 from schuler.errors import InputError
-from schuler.screening import bursts, motion, rows, stuck, values
+from schuler.screening import clocks, motion, stuck, values
 from schuler.screening.finding import Finding
 
 __all__ = [
@@ -162,17 +162,17 @@ def screen(imu: ImuRecording) -> Screening:
     >>> screen(imu).static
     True
     """
-    steps = rows.look_at_steps(imu)
-    repeated = rows.repeated_rows(imu)
+    steps = clocks.look_at_steps(imu)
+    repeated = clocks.repeated_rows(imu)
     still = motion.look_at_rest(imu, steps.rate)
     disturbed, disturbances = motion.look_for_knocks(imu, steps.rate, still)
     findings = [
         *steps.findings,
-        *rows.findings_on_rows(imu, repeated),
+        *clocks.findings_on_rows(imu, repeated),
         *values.stuck_axes(imu),
         *stuck.findings_on_stuck(imu, stuck.stuck_intervals(imu)),
-        *bursts.findings_on_bursts(imu),
-        *(bursts.findings_on_levels(imu) if still.static else ()),
+        *stuck.findings_on_bursts(imu),
+        *(stuck.findings_on_levels(imu) if still.static else ()),
         *values.saturation(imu),
         *disturbances,
         *values.suspected_units(imu, still),

@@ -203,8 +203,7 @@ def view(folder: Path = Path(), /, *, port: int = 0, browser: Browser = True) ->
     browser : bool
         Open the browser; --no-browser prints the address only.
     """
-    from schuler.cli.console import say
-    from schuler.cli.wording import in_options
+    from schuler.cli.console import in_options, say
     from schuler.view import serve
 
     def told(address: str) -> None:

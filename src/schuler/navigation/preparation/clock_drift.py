@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.navigation.innovation_causes import FEWEST, SURE, regression
 from schuler.navigation.innovation_likelihood import slower_imu, thin
 from schuler.navigation.preparation.setup import RunSetup, TimeOffsets
+from schuler.navigation.run_findings import FEWEST_FIXES, SURE_CAUSE, regression
 from schuler.navigation.tuning.likelihood import innovations
 from schuler.screening.screen import Finding
 
@@ -59,7 +59,7 @@ def find_clock_drift(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) ->
     does so in proportion to the time from the middle.
     """
     slow, fixes = slower_imu(imu), [thin(gnss, INTERVAL)]
-    if fixes[0].size < FEWEST:
+    if fixes[0].size < FEWEST_FIXES:
         return None
     base = innovations(slow, fixes, setup)
     known = setup.offsets
@@ -77,6 +77,6 @@ def find_clock_drift(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) ->
     found = regression(value[:, None], np.sqrt(variance)[:, None], drift[:, None, None])
     share = float(found.size[0])
     reach = abs(share) * float(gnss.time[-1] - about)
-    if found.deviations < SURE or reach < LEAST_LATE or abs(share) > MOST:
+    if found.deviations < SURE_CAUSE or reach < LEAST_LATE or abs(share) > MOST:
         return None
     return ClockDrift(share, about)

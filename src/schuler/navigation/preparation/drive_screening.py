@@ -28,9 +28,8 @@ from schuler.navigation.preparation.gaps import (
     find_gaps,
     interpolation_variance,
 )
-from schuler.screening.bursts import findings_on_bursts
 from schuler.screening.screen import Finding
-from schuler.screening.stuck import stuck_intervals
+from schuler.screening.stuck import findings_on_bursts, stuck_intervals
 from schuler.types import FloatArray
 
 LONG_OUTAGE = 10.0

@@ -20,9 +20,8 @@ from schuler.navigation.error_models.sensor_states import SensorErrorModel
 from schuler.navigation.innovation_likelihood import slower_imu
 from schuler.navigation.preparation.alignment import Alignment, align
 from schuler.navigation.preparation.clock_drift import find_clock_drift
-from schuler.navigation.preparation.constraint_judge import judge_constraints
 from schuler.navigation.preparation.diagnosis import GYROS_IN_DEGREES, turns_too_fast
-from schuler.navigation.preparation.drive_fit import require_fit
+from schuler.navigation.preparation.drive_fit import judge_constraints, require_fit
 from schuler.navigation.preparation.drive_screening import screen_drive
 from schuler.navigation.preparation.felt_lag import find_felt_lag
 from schuler.navigation.preparation.gaps import DriveCondition, align_segments, split_at_gaps

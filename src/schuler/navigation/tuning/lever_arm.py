@@ -25,7 +25,7 @@ from schuler.navigation.tuning.gnss_errors import (
     with_split,
 )
 from schuler.navigation.tuning.likelihood import enough_to_tune, find_time_offset
-from schuler.navigation.tuning.linear_search import DriveLikelihood
+from schuler.navigation.tuning.linear_drive import DriveLikelihood
 from schuler.navigation.tuning.scoring import promised_gain
 from schuler.navigation.tuning.tune import ARM, ARM_PRIOR_SD, OFFSET_UNIT
 from schuler.screening.screen import Finding

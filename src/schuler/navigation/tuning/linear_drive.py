@@ -9,8 +9,8 @@ of GNSS together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,8 +27,9 @@ from schuler.navigation.engine import FilterRun
 from schuler.navigation.innovation_likelihood import RUN, InnovationSequence
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.stepping import InitialState
-from schuler.navigation.tuning.likelihood import filtered, judging_rows, noise_scale
+from schuler.navigation.tuning.likelihood import filtered, innovations, judging_rows, noise_scale
 from schuler.navigation.tuning.linear_rows import RowTable
+from schuler.navigation.tuning.scoring import LONGEST_SEARCH, Maximum, maximise
 from schuler.types import BoolArray, FloatArray, IntArray
 
 LONGEST_STEP = 2.0
@@ -239,3 +240,68 @@ def _nodes_kept(time: FloatArray, node: IntArray, taken: BoolArray) -> IntArray:
     kept = np.append(True, np.diff(cell) > 0.0)
     kept[node[taken]] = True
     return np.flatnonzero(kept)
+
+
+HOLDS = 0.5
+"""By how much the gain of a search may differ from the filter's where the linear drive holds."""
+
+
+def _all(found: InnovationSequence) -> InnovationSequence:
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveLikelihood:
+    """Innovations of a drive as a function of parameters.
+
+    Parameters
+    ----------
+    imu, gnss
+        As for `innovations`.
+    setup_at : callable
+        The setup at some parameters.
+    offsets : (p,) ndarray of bool
+        Which of them are time offsets: they move the ends of the linear steps.
+    level : (n, 6) ndarray or None
+        As for `innovations`.
+    judged : callable
+        Picks the innovations that judge.
+    """
+
+    imu: ImuRecording
+    gnss: Sequence[GnssRecording]
+    setup_at: Callable[[FloatArray], RunSetup]
+    offsets: BoolArray
+    level: FloatArray | None = None
+    judged: Callable[[InnovationSequence], InnovationSequence] = _all
+
+    def filtered(self, x: FloatArray) -> InnovationSequence:
+        """By the filter itself."""
+        return self.judged(innovations(self.imu, self.gnss, self.setup_at(x), self.level))
+
+    def about(self, x: FloatArray) -> Callable[[FloatArray], InnovationSequence]:
+        """Linearised about some parameters, where that can be."""
+        setup = self.setup_at(x)
+        if not linearisable(setup, self.gnss[0]):
+            return self.filtered
+        drive = LinearDrive.about(self.imu, self.gnss, setup, self.level)
+        return lambda y: self.judged(drive.innovations(self.setup_at(y)))
+
+    def maximise(
+        self, x: FloatArray, prior: FloatArray, floor: FloatArray, longest: int = LONGEST_SEARCH
+    ) -> Maximum:
+        """Search from some parameters; see `scoring.maximise`."""
+
+        def value(found: InnovationSequence, at: FloatArray) -> float:
+            return found.log_likelihood - 0.5 * float(at @ (prior * at))
+
+        linear = self.about(x)
+        found = maximise(linear, x, prior, floor, longest)
+        # the whole of GNSS is what the drive was linearised with
+        first = value((linear if len(self.gnss) == 1 else self.filtered)(x), x)
+        best = value(self.filtered(found.x), found.x)
+        if abs(best - first - found.gain) < HOLDS:
+            return replace(found, log_likelihood=best, gain=best - first)
+        begin = found.x if best > first else x
+        found = maximise(self.filtered, begin, prior, floor, longest, self.about, self.offsets)
+        return replace(found, gain=found.log_likelihood - first)

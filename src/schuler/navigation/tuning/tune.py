@@ -35,7 +35,7 @@ from schuler.navigation.preparation.setup import (
     TimeOffsets,
 )
 from schuler.navigation.tuning.gnss_errors import FLOOR, WHITE, split_errors, with_split
-from schuler.navigation.tuning.linear_search import DriveLikelihood
+from schuler.navigation.tuning.linear_drive import DriveLikelihood
 from schuler.navigation.tuning.scoring import LONGEST_SEARCH
 from schuler.navigation.tuning.vibration import VibrationResponse, level_at, vibration_level
 from schuler.types import FloatArray

@@ -16,9 +16,12 @@ from schuler.report.blocks import Facts, FigureGrid, Finding, Findings, LegendIt
 from schuler.report.figures import axis, limits, line, marks
 from schuler.report.makers import moments, plot, things
 from schuler.report.numbers import duration, number
-from schuler.report.sections.navigation.filtering import innovation_section, sensor_error_section
+from schuler.report.sections.navigation.filtering import (
+    innovation_section,
+    sensor_error_section,
+    uncertainty_section,
+)
 from schuler.report.sections.navigation.sensor_faults import sensor_fault_sections
-from schuler.report.sections.navigation.uncertainty import uncertainty_section
 from schuler.report.sections.registry import register
 from schuler.types import FloatArray
 
