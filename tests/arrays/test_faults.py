@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from riding_twins import ACCEL, DEGREE, GYRO, ride
 
+from schuler.arrays.detection.fault_log import FaultRecord, Kind, told_records
 from schuler.arrays.detection.fault_settings import FaultSettings
 from schuler.arrays.detection.faults import detect_faults
 from schuler.arrays.detection.thresholds import likelihood_threshold
@@ -229,3 +230,16 @@ def test_settings_that_make_no_sense_are_refused(healthy) -> None:
         detect_faults(healthy[0].select([0]))
     with pytest.raises(InputError, match="together with faults"):
         synthesize(healthy[0], "equal", faults=FaultSettings())
+
+
+def test_a_sensor_that_is_often_missing_has_one_line_after_the_faults() -> None:
+    def record(kind: Kind, name: str, start: float, stop: float | None) -> FaultRecord:
+        return FaultRecord("gyro", kind, name, start, stop, 0.1, 40.0, 30.0, 0.5, "")
+
+    both = [(name, k) for k in range(5) for name in ("imu 1", "imu 3")]
+    records = [record("missing", name, float(k), k + 0.5) for name, k in both]
+    records += [record("axis", "imu 2 x", 7.0, None), record("missing", "imu 2", 8.0, 9.0)]
+    said = told_records(records)
+    assert [severity for severity, _ in said] == ["warning", "info", "info"]
+    assert said[1][1] == "0.00 s to 4.50 s: gyro imu 1, imu 3 missing, 5 times, 2.5 s in all"
+    assert said[2][1] == "8.00 s to 9.00 s: gyro imu 2 missing"

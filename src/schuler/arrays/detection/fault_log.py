@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,6 +13,8 @@ from schuler.data.to_dict import ToDict
 from schuler.types import FloatArray
 
 Kind = Literal["axis", "unit", "inconsistent", "missing"]
+
+Spans = tuple[tuple[float, float | None], ...]
 
 OUT: dict[int, tuple[Kind, bool]] = {
     0: ("axis", False),
@@ -96,6 +99,31 @@ class FaultRecord(ToDict):
             who += f" or {self.other}" if self.other else ""
             return line + f"{who}{size.removeprefix(',').removesuffix(' so far')} ({shown})"
         return line + f"{who} taken out{size} ({shown})"
+
+
+def told_records(records: Sequence[FaultRecord]) -> list[tuple[Literal["warning", "info"], str]]:
+    """Return faults, and after them what was missing: a line for sensors missing at one time."""
+    lines: list[tuple[Literal["warning", "info"], str]] = [
+        ("warning", r.text) for r in records if r.kind != "missing"
+    ]
+    gaps: dict[tuple[str, str], list[FaultRecord]] = {}
+    for record in records:
+        if record.kind == "missing":
+            gaps.setdefault((record.sensor, record.name), []).append(record)
+    together: dict[tuple[str, Spans], list[str]] = {}
+    for (sensor, name), own in gaps.items():
+        together.setdefault((sensor, tuple((r.start, r.stop) for r in own)), []).append(name)
+    for (sensor, spans), names in together.items():
+        who = ", ".join(names) if len(names) < 4 else f"{names[0]} and {len(names) - 1} more"
+        start, stop = spans[0][0], spans[-1][1]
+        end = "the end" if stop is None else f"{stop:.2f} s"
+        line = f"{start:.2f} s to {end}: {sensor} {who} missing"
+        if len(spans) > 1:
+            line += f", {len(spans)} times"
+            if stop is not None:
+                line += f", {sum(b - a for a, b in spans if b is not None):.1f} s in all"
+        lines.append(("info", line))
+    return lines
 
 
 def fault_records(

@@ -134,15 +134,20 @@ def prepare_detection(
             "fault that lasts may hide (a calibration of another recording shows it: schuler "
             "calibrate, --calibration)"
         )
-    used = _calibrated(array, calibration, bandwidth)
+    used, saturated = _calibrated(array, calibration, bandwidth)
+    if saturated > 0.0:
+        notes.append(
+            f"saturated samples were left out, up to {saturated:.1f} s of a unit; where every gyro "
+            "is saturated, accelerometers apart from each other are not judged either"
+        )
     return _with_errors(used, how, notes, motion=True)
 
 
 def _calibrated(
     array: ImuArray, calibration: ArrayCalibration, bandwidth: float | None
-) -> ImuArray:
-    """Apply a calibration with the biases, delays or sampling phases of this recording."""
-    masked = mask_saturated(array)[0]
+) -> tuple[ImuArray, float]:
+    """Apply a calibration with what is this recording's own; also seconds that were saturated."""
+    masked, counts = mask_saturated(array)
     used = masked if bandwidth is None else low_passed(masked, bandwidth)
     here = calibrated_biases(calibration, array)
     slow = used if bandwidth is not None else low_passed(masked, BANDWIDTH)
@@ -150,7 +155,7 @@ def _calibrated(
     track = track_phases(here, array) if bandwidth is None else None
     if track is not None:
         here = replace(here, delay=np.zeros(here.count))
-    return here.apply(used, track)
+    return here.apply(used, track), float(counts.max()) / array.rate
 
 
 def _in_passing(array: ImuArray, bandwidth: float | None) -> ArrayCalibration:

@@ -166,8 +166,9 @@ def _result(found: FaultDetection | LastingFaults, used: dict[str, float]) -> Re
 
 def show_records(screen: Screen, records: Sequence[FaultRecord]) -> None:
     """Print the first lines of a fault log."""
-    found = (("info" if r.kind == "missing" else "warning", r.text) for r in records)
-    screen.findings(found, most=MOST_RECORDS)
+    from schuler.arrays.detection.fault_log import told_records
+
+    screen.findings(told_records(records), most=MOST_RECORDS)
 
 
 def show_faults(screen: Screen, found: FaultDetection | LastingFaults) -> None:
@@ -183,7 +184,7 @@ def show_faults(screen: Screen, found: FaultDetection | LastingFaults) -> None:
         detail = f", {found.statistic.size} windows of {found.normal.settings.window:g} s"
     screen.heading(title, count + detail)
     screen.findings(("info", line) for line in found.limits)
-    if not found.records:
+    if found.healthy:
         screen.finding("good", f"no sensor {nothing}")
     show_records(screen, found.records)
     screen.table(*table)

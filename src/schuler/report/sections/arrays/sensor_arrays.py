@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arrays.detection.fault_log import told_records
 from schuler.arrays.detection.faults import FaultDetection, SensorFaults
 from schuler.arrays.geometry import Geometry
 from schuler.arrays.merit import FiguresOfMerit, figures_of_merit
@@ -275,7 +276,7 @@ def _drawing(
 def fault_sections(result: FaultDetection) -> tuple[Section, ...]:
     """Show what the tests said of an array."""
     records = result.records
-    lines = [Finding("info" if r.kind == "missing" else "warning", r.text) for r in records]
+    lines = [Finding(severity, text) for severity, text in told_records(records)]
     blocks = [*log_blocks(remarks(result.limits), lines, "No sensor was taken out.")]
     blocks.append(_statistics(result))
     blocks += [_fault_figures(sensor) for sensor in result.sensors]
@@ -284,7 +285,7 @@ def fault_sections(result: FaultDetection) -> tuple[Section, ...]:
         "No sensor of the array failed its tests."
         if result.healthy
         else f"{len(out)} time{'' if len(out) == 1 else 's'} a sensor was taken out"
-        + (f", first {records[0].name} at {records[0].start:.1f} s." if records else ".")
+        + (f", first {out[0].name} at {out[0].start:.1f} s." if out else ".")
     )
     return (Section("Faults", tuple(blocks), (sentence,)),)
 
