@@ -27,7 +27,8 @@ from schuler.navigation.engine import InitialState, gate_thresholds, run_engine
 from schuler.navigation.mechanizations.array_preparation import prepare_array
 from schuler.navigation.mechanizations.array_stream import ArrayFilter
 from schuler.navigation.settings import NavigationSettings
-from schuler.navigation.streaming import GnssReceiver, NavigationFilter
+from schuler.navigation.stream.navigation_filter import NavigationFilter
+from schuler.navigation.stream.state import GnssReceiver
 
 Array = NDArray[np.float64]
 

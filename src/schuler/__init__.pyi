@@ -180,9 +180,9 @@ from .navigation.observability import observability as observability
 from .navigation.preparation.prepare import prepare as prepare
 from .navigation.settings import NavigationSettings as NavigationSettings
 from .navigation.stepping import InitialState as InitialState
-from .navigation.streaming import FilterState as FilterState
-from .navigation.streaming import GnssReceiver as GnssReceiver
-from .navigation.streaming import NavigationFilter as NavigationFilter
+from .navigation.stream.navigation_filter import NavigationFilter as NavigationFilter
+from .navigation.stream.state import FilterState as FilterState
+from .navigation.stream.state import GnssReceiver as GnssReceiver
 from .navigation.tuning.inflation import NoiseInflation as NoiseInflation
 from .navigation.tuning.inflation import NoiseTuning as NoiseTuning
 from .navigation.tuning.inflation import tune_noise as tune_noise

@@ -34,7 +34,7 @@ STREAM = """
 from schuler.cli.example import example_drive, example_noise
 from schuler.cli.rehearsal import REHEARSALS
 from schuler.navigation.preparation.prepare import prepare
-from schuler.navigation.streaming import NavigationFilter
+from schuler.navigation.stream.navigation_filter import NavigationFilter
 
 for rehearse in REHEARSALS:
     rehearse()

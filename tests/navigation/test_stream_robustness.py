@@ -12,7 +12,8 @@ from twins import Twin, draw_twin, perfect
 
 from schuler.errors import InputError, NavigationError, SchulerError
 from schuler.navigation.aiding.schedule import POSITION, schedule_rows
-from schuler.navigation.streaming import FilterState, NavigationFilter
+from schuler.navigation.stream.navigation_filter import NavigationFilter
+from schuler.navigation.stream.state import FilterState
 from schuler.simulation import car_urban
 
 RATE = 50.0

@@ -20,7 +20,8 @@ from schuler.navigation.aiding.schedule import (
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.engine import NO_VEHICLE, FilterRun, gate_thresholds, run_engine
 from schuler.navigation.lagged import smooth_run_with_lag
-from schuler.navigation.streaming import GnssReceiver, NavigationFilter
+from schuler.navigation.stream.navigation_filter import NavigationFilter
+from schuler.navigation.stream.state import GnssReceiver
 from schuler.navigation.tuning.vibration import VibrationResponse
 from schuler.noise import Autoregressive
 from schuler.noise.noise_model import NoiseModel

@@ -12,7 +12,7 @@ from schuler.navigation.mechanizations.array_preparation import PreparedArray
 from schuler.navigation.mechanizations.sensor_table import Absence, sensor_table, spans
 from schuler.navigation.preparation.setup import RunSetup
 from schuler.navigation.stepping import SensorStretches
-from schuler.navigation.stream_buffers import LinearRows
+from schuler.navigation.stream.buffers import LinearRows
 from schuler.types import BoolArray, FloatArray
 
 

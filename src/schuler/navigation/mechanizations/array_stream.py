@@ -1,6 +1,6 @@
 """An array of IMUs in real time: fused sample by sample, faults out from their onset.
 
-The filter is that of a single IMU (navigation/streaming.py). The latest samples of all sensors are
+The filter is that of a single IMU (navigation/stream). The latest samples of all sensors are
 kept: when a fault is noticed, they are fused once more without it from its onset on, and the filter
 takes them again.
 """
@@ -32,14 +32,16 @@ from schuler.navigation.mechanizations.array_faults import (
 from schuler.navigation.mechanizations.array_in_use import ArrayInUse, FusionsInUse
 from schuler.navigation.mechanizations.array_preparation import PreparedArray
 from schuler.navigation.stepping import SensorStretches
-from schuler.navigation.stream_buffers import LinearRows
-from schuler.navigation.stream_checks import (
+from schuler.navigation.stream.buffers import LinearRows
+from schuler.navigation.stream.checks import (
     FASTEST_TURN,
     LONGEST_GAP,
     STRONGEST_PUSH,
     checked_stamp,
 )
-from schuler.navigation.streaming import SNAPSHOT_EVERY, FilterState, NavigationFilter
+from schuler.navigation.stream.navigation_filter import NavigationFilter
+from schuler.navigation.stream.rewinding import SNAPSHOT_EVERY
+from schuler.navigation.stream.state import FilterState
 from schuler.types import BoolArray, FloatArray
 
 if TYPE_CHECKING:
