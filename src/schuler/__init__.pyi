@@ -33,6 +33,9 @@ from .arrays.optimum import optimize_cone as optimize_cone
 from .arrays.optimum import optimize_geometry as optimize_geometry
 from .arrays.read import read_array as read_array
 from .arrays.redundant import redundant_sensors as redundant_sensors
+from .arrays.slow_axes import AxesFollower as AxesFollower
+from .arrays.slow_axes import SlowAxes as SlowAxes
+from .arrays.slow_axes import follow_axes as follow_axes
 from .arrays.synthesis.conditional import conditional_noise as conditional_noise
 from .arrays.synthesis.cornered_hat import cornered_hat as cornered_hat
 from .arrays.synthesis.rate_from_accelerometers import rate_from_array as rate_from_array
@@ -243,6 +246,7 @@ __all__ = [
     "ArrayFilter",
     "AutocorrelationCurve",
     "Autoregressive",
+    "AxesFollower",
     "Barometer",
     "BiasInstability",
     "CausalDenoiser",
@@ -321,6 +325,7 @@ __all__ = [
     "SetPiece",
     "SimulatedDrive",
     "Sinusoid",
+    "SlowAxes",
     "SpectrumCurve",
     "Synchronization",
     "SyntheticImu",
@@ -382,6 +387,7 @@ __all__ = [
     "fit_gmwm",
     "fit_gmwm_replicates",
     "fit_maximum_likelihood",
+    "follow_axes",
     "garch_log_likelihood",
     "gate_thresholds",
     "height_of_pressure",

@@ -247,7 +247,8 @@ def _turned_error(array: ImuArray, found: AxesCheck) -> InputError:
         f"{said}",
         expected="axes in which all feel one rate and one gravity",
         cure="write a mounting.yaml beside the files, give --mount of navigate for each IMU, or "
-        f"let schuler calibrate find it and give its file as --calibration{mounting}",
+        "let schuler calibrate find it and give its file as --calibration; axes that turn slowly "
+        f"are followed by navigate --follow-axes{mounting}",
     )
 
 

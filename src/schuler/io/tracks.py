@@ -124,12 +124,14 @@ def _named(file: Path, columns: Mapping[str, FloatArray]) -> Track:
         return np.column_stack([columns[n] for n in names]) if there else None
 
     latitude, longitude = (np.radians(columns[f"{n}_deg"]) for n in ("latitude", "longitude"))
-    angles = (np.radians(columns[f"{n}_deg"]) for n in ("roll", "pitch", "heading"))
+    angles = ["roll_deg", "pitch_deg", "heading_deg" if "heading_deg" in columns else "yaw_deg"]
+    turned = all(name in columns for name in angles)
+    speed = three("vel_{}_m_s")
     return Track(
         columns["time_s"],
         np.column_stack([latitude, longitude, columns["height_m"]]),
-        three("vel_{}_m_s"),
-        dcm_from_euler(*angles),
+        three("velocity_{}_m_s") if speed is None else speed,
+        dcm_from_euler(*(np.radians(columns[name]) for name in angles)) if turned else None,
         three("pos_std_{}_m"),
         name=file.name,
     )

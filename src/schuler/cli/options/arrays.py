@@ -41,6 +41,9 @@ class ArrayOptions:
     weights : str
         auto, constant, averaged_volatility, ewma or garch: how sensors are weighted as their noise
         changes.
+    follow_axes : bool
+        Follow IMUs that turn slowly against one another (a mounting that bends, temperature), and
+        clocks that drift, by what all feel of the rotation; each sample by what came before it.
     window : tuple of str
         START:SECONDS without GNSS, seconds after the first epoch, which then judges the
         mechanizations there. May be repeated.
@@ -52,6 +55,7 @@ class ArrayOptions:
     parity: Annotated[bool, Parameter(negative="--without-parity")] = True
     faults: Annotated[bool, Parameter(negative="--without-faults")] = True
     weights: str = "auto"
+    follow_axes: Annotated[bool, Parameter(negative=())] = False
     window: Annotated[tuple[str, ...], Parameter(negative=())] = ()
 
     def files(self, imu: Path | None) -> tuple[Path, ...]:

@@ -165,6 +165,7 @@ def _array(
     reading: DriveReading,
 ) -> Result:
     """Run one mechanization of an array, or compare them all."""
+    from schuler.arrays.slow_axes import follow_axes
     from schuler.evaluation.mechanizations import compare_mechanizations
     from schuler.navigation.mechanizations.navigate_array import navigate_array
     from schuler.navigation.settings import NavigationSettings
@@ -172,6 +173,10 @@ def _array(
 
     windows = parse_windows(several.window)
     array, fixes = load_array_drive(several, run.gnss, reading)
+    followed: tuple[str, ...] = ()
+    if several.follow_axes:
+        array, axes = follow_axes(array)
+        followed = axes.lines
     keywords = sensors.keywords(known.keywords(), array.time, fixes, repair=reading.repair)
     model = load_noise(run.noise)
     title = f"{array.count} IMUs, {title_of(several.array[0])}"
@@ -181,7 +186,7 @@ def _array(
                 array, fixes, model, NavigationSettings(**keywords), parity=several.parity,
                 outages=windows, progress=shown.say,
             )  # fmt: skip
-        return _comparison_result(comparison, f"Mechanizations of {title}")
+        return _comparison_result(comparison, f"Mechanizations of {title}", followed)
     with working("Navigating") as shown:
         done = navigate_array(
             array,
@@ -202,7 +207,10 @@ def _array(
     causal, smoothed = (None, done.solution) if late else (done.solution, None)
     results = NavigationResults(causal, smoothed, fixes, outages=spans)
     title = f"Navigation with {title}, {several.mechanization}"
-    return navigation_result(results, title, answer.out, done.prepared.notes)
+    notes = (*followed, *done.prepared.notes)
+    done.solution.settings["array_notes"] = list(notes)
+    done.solution.settings["sensor_faults"]["notes"][:0] = followed
+    return navigation_result(results, title, answer.out, notes)
 
 
 def _require_for_arrays(
@@ -255,13 +263,15 @@ def navigation_result(
     )
 
 
-def _comparison_result(comparison: MechanizationComparison, title: str) -> Result:
+def _comparison_result(
+    comparison: MechanizationComparison, title: str, notes: tuple[str, ...] = ()
+) -> Result:
     from schuler.report.sections.arrays.mechanizations import comparison_rows
 
     def show(screen: Screen) -> None:
         screen.heading("Mechanizations", f"{comparison.prepared.array.count} IMUs")
         screen.table(*comparison_rows(comparison))
-        for note in comparison.prepared.notes:
+        for note in (*notes, *comparison.prepared.notes):
             screen.line(f"note: {note}")
 
     return Result(

@@ -32,7 +32,7 @@ from schuler.navigation.mechanizations.array_faults import (
 from schuler.navigation.mechanizations.array_in_use import ArrayInUse, FusionsInUse
 from schuler.navigation.mechanizations.array_preparation import PreparedArray
 from schuler.navigation.stepping import SensorStretches
-from schuler.navigation.stream.buffers import LinearRows
+from schuler.navigation.stream.buffers import ROOM, LinearRows
 from schuler.navigation.stream.checks import (
     FASTEST_TURN,
     LONGEST_GAP,
@@ -120,7 +120,7 @@ class ArrayFilter:
         count = prepared.array.count
         self._shape = (count, 3)
         self._out = np.zeros((2, 3 * count), bool)
-        self._stream = _stream(prepared, 2 * self._places)
+        self._stream = _stream(prepared, ROOM * self._places)
         self._sample = self._stream.values.reshape(-1, 2, count, 3)
         self._tests = _tests(prepared) if faults else {}
         self._taken, self._turns = 0, _turns({k: t.size for k, t in self._tests.items()})
@@ -209,13 +209,13 @@ class ArrayFilter:
         return self.filter.smoothed_state()
 
     def _move_up(self) -> int:
-        """Forget the older half."""
-        s, half = self._stream, self._places
+        """Forget all but the latest."""
+        s, kept = self._stream, self._places
         for rows in (s.time, s.values, s.unheard, s.absent, s.tensor):
-            rows[:half] = rows[half:]
-        self._parity_row -= half
-        self._kept = half
-        return half
+            rows[:kept] = rows[-kept:]
+        self._parity_row -= len(s.time) - kept
+        self._kept = kept
+        return kept
 
     def _silences(self, row: int) -> None:
         """Leave out IMUs without values, and let those in that have some again."""

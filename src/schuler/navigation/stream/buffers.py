@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from schuler.kernels.navigation.filter_data import AIDING_ROW, SampleOutputs
 from schuler.types import FloatArray
 
+ROOM = 8
+"""Times what is kept, that there is room for: moved up rarely, few samples wait for it."""
+
 
 @dataclass(slots=True, eq=False)
 class SampleBuffer:
@@ -26,7 +29,7 @@ class SampleBuffer:
     count: int = 0
 
     def __post_init__(self) -> None:
-        rows = 2 * self.places
+        rows = ROOM * self.places
         # written to now: memory that nobody has touched costs the first sample that does
         self.time, self.scale = np.full(rows, 0.0), np.ones((rows, 6))
         self.gyro, self.accel = np.full((rows, 3), 0.0), np.full((rows, 3), 0.0)
@@ -45,13 +48,13 @@ class SampleBuffer:
         return row
 
     def _move_up(self) -> None:
-        """Forget the older half."""
+        """Forget all but the latest."""
         kept: list[FloatArray] = [self.time, self.gyro, self.accel, self.scale]
         if self.keep_outputs:
             kept += [getattr(self.outputs, f.name) for f in fields(self.outputs)]
         for values in kept:
-            values[: self.places] = values[self.places :]
-        self.first += self.places
+            values[: self.places] = values[-self.places :]
+        self.first += len(self.time) - self.places
 
 
 @dataclass(frozen=True, slots=True, eq=False)
