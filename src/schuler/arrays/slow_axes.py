@@ -142,12 +142,12 @@ class AxesFollower:
     @property
     def turn_sd(self) -> FloatArray:
         """Standard deviations of the turns, (k, 3) rad."""
-        return np.sqrt(np.diagonal(self._covariance, axis1=1, axis2=2)[:, :3])
+        return np.asarray(np.sqrt(np.diagonal(self._covariance, axis1=1, axis2=2)[:, :3]))
 
     @property
     def delay_sd(self) -> FloatArray:
         """Standard deviations of the delays, (k,) s."""
-        return np.sqrt(np.maximum(self._covariance[:, 3, 3], 0.0))
+        return np.asarray(np.sqrt(np.maximum(self._covariance[:, 3, 3], 0.0)))
 
     def begin(self, turn: FloatArray, delay: FloatArray) -> None:
         """Start from turns (k, 3) and delays (k,) that are known from elsewhere."""
@@ -276,7 +276,7 @@ class AxesFollower:
             samples = _between(time, samples, at[:, None] + self.delay, 1.0 / self._rate)
         elif len(at) != len(time):
             samples = samples[np.searchsorted(time, at)]
-        return np.einsum("kij,nckj->ncki", self._matrix, samples)
+        return np.asarray(np.einsum("kij,nckj->ncki", self._matrix, samples))
 
 
 def _between(time: FloatArray, values: FloatArray, at: FloatArray, step: float) -> FloatArray:
