@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from schuler import (
     read_track,
 )
 from schuler.cli import main
-from schuler.earth import geodetic_from_ned
+from schuler.earth import geodetic_from_ned, ned_from_ecef_rotation
 from schuler.io.registry import trajectory_format
 from schuler.report.sections.navigation.accuracy import claims_judged
 from schuler.types import FloatArray
@@ -102,6 +103,33 @@ def test_local_axes_are_turned_and_mirrored_or_foreign_ones_are_refused() -> Non
     degrees = replace(truth(), position=truth().position * (1.01, 1.0, 1.0))
     with pytest.raises(InputError, match="another frame"):
         evaluate_trajectory(degrees, truth())
+
+
+@pytest.mark.parametrize(
+    ("axes", "written"),
+    [
+        ("east, north, up", lambda t: t.velocity[:, [1, 0, 2]] * (1.0, 1.0, -1.0)),
+        ("north, east, up", lambda t: t.velocity * (1.0, 1.0, -1.0)),
+        (
+            "forward, right, down of the body",
+            lambda t: np.einsum("nji,nj->ni", t.rotation, t.velocity),
+        ),
+        ("ECEF", lambda t: t.velocity @ ned_from_ecef_rotation(*ORIGIN[:2])),
+    ],
+)
+def test_velocities_in_other_axes_than_the_positions_are_named(
+    axes: str, written: Callable[[Trajectory], FloatArray]
+) -> None:
+    rng = np.random.default_rng(4)
+    noise = rng.normal(0.0, (0.02, 0.02, 0.02), way().shape)
+    true = replace(truth(), position=geodetic_from_ned(way() + noise, ORIGIN))
+    found = evaluate_trajectory(truth(), replace(true, velocity=written(truth())))
+    assert any(f"as {axes}" in note for note in found.notes), found.notes
+    assert np.max(found.velocity_rms_m_s) < 0.01
+    assert not any("other axes" in n for n in evaluate_trajectory(truth(), true).notes)
+    # what fits nothing is judged as it stands
+    wrong = replace(truth(), velocity=truth().velocity + np.array([0.0, 3.0, 0.0]))
+    assert evaluate_trajectory(wrong, true).velocity_rms_m_s == pytest.approx([0, 3, 0], abs=0.01)
 
 
 def test_other_times_are_refused_shifted_or_bridged() -> None:

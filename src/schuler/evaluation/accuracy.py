@@ -16,6 +16,7 @@ from schuler.data.trajectory import DIRECTIONS, NavigationSolution, Trajectory
 from schuler.earth import metres_per_radian
 from schuler.errors import InputError
 from schuler.evaluation.alignment import Align, Pair, pair_tracks
+from schuler.evaluation.velocity_axes import in_own_axes
 from schuler.rotations import rotation_vector_from_dcm
 from schuler.types import FloatArray, IntArray
 
@@ -255,6 +256,7 @@ def evaluate_trajectory(
         reference = replace(reference, time=reference.time + time_offset)
     pair = pair_tracks(track, reference, align)
     attitudes = _attitudes(track, reference, pair)
+    velocity_error, axes = _velocity_error(track, reference, pair)
     step = np.linalg.norm(np.diff(pair.truth, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(step)])
     return TrajectoryEvaluation(
@@ -262,14 +264,14 @@ def evaluate_trajectory(
         reference.name,
         pair.time,
         pair.estimate - pair.truth,
-        _velocity_error(track, reference, pair),
+        velocity_error,
         None if attitudes is None else _small_angles(*attitudes),
         None if track.position_sd is None else track.position_sd[pair.rows],
         None if reference.position_sd is None else reference.position_sd[pair.truth_rows],
         float(way[-1]),
         tuple(_relative(pair, way, attitudes)),
         tuple(_window(pair, *w) for w in windows),
-        pair.notes,
+        (*pair.notes, *axes),
         _time_shift(pair.time, pair.estimate - pair.truth, pair.truth),
     )
 
@@ -322,15 +324,15 @@ def _moved(track: Track, arm: FloatArray) -> Track:
     return replace(track, position=track.position + ned, velocity=None)
 
 
-def _velocity_error(track: Track, truth: Track, pair: Pair) -> FloatArray | None:
+def _velocity_error(track: Track, truth: Track, pair: Pair) -> tuple[FloatArray | None, list[str]]:
+    """Return errors of velocity, and what was said of axes that do not suit the positions."""
+    found, said = zip(*(in_own_axes(t) for t in (track, truth)), strict=True)
     if track.velocity is None or truth.velocity is None:
-        return None
+        return None, []
     ours, theirs = (
-        np.column_stack([np.interp(pair.time, t.time, v) for v in t.velocity.T])
-        for t in (track, truth)
-        if t.velocity is not None
+        np.column_stack([np.interp(pair.time, t.time, v) for v in t.velocity.T]) for t in found
     )
-    return np.asarray(ours @ pair.turn.T - theirs)
+    return np.asarray(ours @ pair.turn.T - theirs), [s for s in said if s]
 
 
 def _attitudes(track: Track, truth: Track, pair: Pair) -> tuple[FloatArray, FloatArray] | None:
