@@ -5,9 +5,9 @@
 Case k of a seed is the same in every run. Cases run one after the other in a child process with
 limits, which is replaced when it ends or has grown; a find is a foreign exception, an end of the
 process, more than 10 s of CPU or a minute of waiting, or more than 1 GB. Where the reader decodes
-a file in a process of its own (MATLAB), the child is that process: an end there is what the reader
-refuses, and is counted beside the finds. Finds of a few kB go to tests/io/finds, which the
-tests read again.
+a file in a process of its own (MATLAB), the child is that process, which is faster; a case that
+ends it, or takes too long or too much there, is read once more as users read it, and is a find
+if that is not refused. Finds of a few kB go to tests/io/finds, which the tests read again.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SECONDS = 10.0
 WAITING = 60.0
 RESIDENT = 1 << 30
 ADDRESSES = 6 << 30
-ENOUGH = 3
+ENOUGH, TOO_LARGE = 3, 4
 NASTY = (
     b"|nan|inf|-inf|1e400|-1|0|1e-320|9999999999999999999999999|1e15|'|\"|;|,,|\t|\xff|\x00|\xd9\xa3"
     b"|#|%|1_000|- |: |[|{|&a|*a|!!set|~|true|2024-13-45|0x1F|=1+1"
@@ -48,7 +48,7 @@ NASTY = (
 WORDS = [0, 1, 127, 128, 255, 256, 32767, 65535, *(2**k + d for k in (31, 32, 63) for d in (-1, 0))]
 Find = tuple[int, str, str]
 """Case, what happened, and where."""
-TRIED = "ended in a decoder that has a process of its own"
+TRIED = "ended only the process that decodes them"
 TOKEN = re.compile(rb"[-+.\w]+")
 
 
@@ -165,7 +165,7 @@ def case(
     return path, rng
 
 
-def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
+def work(wanted: str, seed: int, first: int, last: int, place: Path, apart: bool) -> None:
     """Run cases in this process; the number of the one that runs stands in a file."""
     from benchmarks.fuzz_seeds import seeds
     from schuler.io.formats import matlab
@@ -178,12 +178,13 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
         faulthandler.register(told, chain=True)
     with TemporaryDirectory() as folder, place.open("r+b") as stream:
         at = mmap.mmap(stream.fileno(), 9)
-        matlab.decoded_apart = partial(decode_here, at)  # type: ignore[assignment]
+        if not apart:
+            matlab.decoded_apart = partial(decode_here, at)  # type: ignore[assignment]
         started = time.monotonic()
         for k in range(first, last):
             if k > first and k % 10_000 == 0:
                 print(f"case {k}, {time.monotonic() - started:.0f} s", flush=True)
-            at[:8] = k.to_bytes(8, "little")
+            at[:9] = k.to_bytes(8, "little") + b"\0"
             path, rng = case(names[k % len(names)], seed, k, files, Path(folder))
             spent = int(time.process_time() + SECONDS + 1.0)
             resource.setrlimit(resource.RLIMIT_CPU, (spent, resource.RLIM_INFINITY))
@@ -199,21 +200,22 @@ def work(wanted: str, seed: int, first: int, last: int, place: Path) -> None:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             path.unlink()
             if resident() > RESIDENT:
+                if at[8]:
+                    sys.exit(TOO_LARGE)
                 print(json.dumps([k, "more than 1 GB", ""]), flush=True)
                 sys.exit(ENOUGH)
 
 
 def decode_here(at: mmap.mmap, path: Path, title: str, module: str, name: str) -> Any:
-    """Decode a file as `schuler.io.formats.rehearsal` does, without a process for each case."""
+    """Decode a file as `decoder_process` does, without a process for each case."""
     from schuler.io.format import damaged
+    from schuler.io.formats.decoder_process import only_numbers
 
     at[8] = 1
     try:
-        return getattr(import_module(module), name)(path)
+        return only_numbers(getattr(import_module(module), name)(path))
     except MemoryError as error:
         raise damaged(path, title, error) from None
-    finally:
-        at[8] = 0
 
 
 def resident() -> int:
@@ -230,14 +232,14 @@ def chosen(files: dict[str, bytes], wanted: str) -> list[str]:
     return [name for name in files if wanted in name]
 
 
-def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
+def campaign(wanted: str, seed: int, first: int, last: int, apart: bool = False) -> list[Find]:
     """Run cases in child processes, a new one after each that ended, and return the finds."""
     finds: list[Find] = []
     with TemporaryDirectory() as folder:
         place = Path(folder) / "case"
         while first < last:
             place.write_bytes(bytes(9))
-            what = (wanted, str(seed), str(first), str(last), str(place))
+            what = (wanted, str(seed), str(first), str(last), str(place), str(int(apart)))
             command = [sys.executable, "-m", "benchmarks.fuzz", "--work", *what]
             quiet = {"POLARS_MAX_THREADS": "1", "RUST_BACKTRACE": "0"}
             trouble = place.with_suffix(".err")
@@ -253,7 +255,8 @@ def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
             at, tried = struct.unpack("<Q?", place.read_bytes())
             if done.returncode != ENOUGH:
                 told = trouble.read_text(errors="replace").strip()
-                finds.append(_ended(at, tried, done.returncode, told))
+                again = campaign(wanted, seed, at, at + 1, apart=True) if tried else []
+                finds += again or [_ended(at, tried, done.returncode, told)]
                 print(finds[-1], file=sys.stderr, flush=True)
             first = at + 1
     return finds
@@ -261,11 +264,13 @@ def campaign(wanted: str, seed: int, first: int, last: int) -> list[Find]:
 
 def _ended(at: int, tried: bool, code: int, told: str) -> Find:
     """Tell how a child ended."""
+    if tried:
+        return at, TRIED, told[-300:]
     if -code in (signal.SIGXCPU, signal.SIGALRM):
         return at, f"more than {SECONDS:g} s", told[-300:]
     if code > 0:
         raise RuntimeError(told)  # the worker itself cannot run
-    return at, TRIED if tried else f"the process ended with {code}", told[-300:]
+    return at, f"the process ended with {code}", told[-300:]
 
 
 def main() -> int:
@@ -277,11 +282,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for the first find of each place")
-    parser.add_argument("--work", nargs=5, help=argparse.SUPPRESS)
+    parser.add_argument("--work", nargs=6, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.work:
-        wanted, seed, first, last, place = options.work
-        work(wanted, int(seed), int(first), int(last), Path(place))
+        wanted, seed, first, last, place, apart = options.work
+        work(wanted, int(seed), int(first), int(last), Path(place), apart == "1")
         return 0
     from benchmarks.fuzz_seeds import seeds
 

@@ -14,6 +14,7 @@ import pytest
 
 from schuler.errors import InputError
 from schuler.io import read_gnss, read_imu
+from schuler.io.formats.decoder_process import decoded_apart
 from schuler.io.formats.novatel import checksum
 from schuler.io.registry import format_of
 
@@ -387,3 +388,41 @@ def test_sbet_ends_in_mid_epoch(tmp_path: Path) -> None:
     path.write_bytes(rows.astype("<f8").tobytes()[:-3])
     with pytest.raises(InputError, match="middle of an epoch"):
         read_gnss(path)
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("while True: pass", "cut short or damaged"),
+        ("return {'a': bytearray(4 << 30)}", "claims more than there is"),
+        ("import os; os.abort()", "cut short or damaged"),
+        ("raise InputError('odd', where=str(path))", "odd"),
+    ],
+)
+def test_a_decoder_that_fails_in_its_own_process_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, told: str
+) -> None:
+    pytest.importorskip("resource", reason="limits of time and memory are of Unix")
+    head = "from schuler.errors import InputError\n"
+    (tmp_path / "a_decoder.py").write_text(f"{head}def find(path):\n    {body}\n", "utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"nothing")
+    with pytest.raises(InputError, match=told):
+        decoded_apart(path, "MATLAB", "a_decoder", "find", seconds=1.0)
+
+
+def test_what_another_process_decodes_comes_back_as_numbers_in_structs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = "{'a': {'b': np.arange(3), 'c': 'text', 'd': {'e': 2.5}}, 'o': np.array([None])}"
+    (tmp_path / "other_decoder.py").write_text(
+        f"import numpy as np\ndef find(path):\n    return {found}\n", "utf-8"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "a.mat").write_bytes(b"nothing")
+    got = decoded_apart(tmp_path / "a.mat", "MATLAB", "other_decoder", "find")
+    assert set(got) == {"a"}
+    assert set(got["a"]) == {"b", "d"}
+    assert got["a"]["b"].tolist() == [0, 1, 2]
+    assert float(got["a"]["d"]["e"]) == 2.5

@@ -31,14 +31,16 @@ def load_profile(path: str | Path, kind: Kind) -> dict[str, Any]:
         )
     options = content.get(kind) or {}
     known = {f.name for f in fields(ReadOptions)}
-    wrong = sorted(set(options) - known) if isinstance(options, dict) else ["options"]
+    wrong = (
+        sorted(str(k) for k in set(options) - known) if isinstance(options, dict) else ["options"]
+    )
     if wrong:
         raise InputError(
             f"the profile has no option '{wrong[0]}'",
             expected=f"out of {', '.join(sorted(known))}",
             where=f"{file}, {kind}",
         )
-    return dict(options)
+    return dict(given)
 
 
 def save_profile(

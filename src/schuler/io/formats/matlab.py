@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.errors import InputError
 from schuler.io.format import Format, What, damaged, lacking
-from schuler.io.formats.rehearsal import decoded_apart
+from schuler.io.formats.decoder_process import decoded_apart
 from schuler.io.source import Columns, MemorySource
 from schuler.io.trajectories.matlab import write_mat, write_recording
 
