@@ -31,9 +31,8 @@ def load_profile(path: str | Path, kind: Kind) -> dict[str, Any]:
         )
     options = content.get(kind) or {}
     known = {f.name for f in fields(ReadOptions)}
-    wrong = (
-        sorted(str(k) for k in set(options) - known) if isinstance(options, dict) else ["options"]
-    )
+    given = options if isinstance(options, dict) else {"options": options}
+    wrong = sorted(str(key) for key in set(given) - known)
     if wrong:
         raise InputError(
             f"the profile has no option '{wrong[0]}'",
