@@ -28,7 +28,6 @@ _BLOCK = 4096
 _GRID = np.union1d(default_factors(9 * LONGEST), 2 ** np.arange(17))
 _UPPER = _GRID[_GRID > LONGEST // 2]
 _WHOLE = 0.75
-_FEWEST = 7  # clusters' lengths that a record has to hold beside one cluster: a ninth of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +66,13 @@ class AllanSums:
             long.factors, squares, clusters, long.strides, self.rate, self.samples + other.samples
         )
 
-    def curve(self) -> AllanCurve:
+    def curve(self, share: int = 9) -> AllanCurve:
         """Return the Allan deviation with 95 % intervals.
+
+        Parameters
+        ----------
+        share : int
+            The longest cluster is at most this part of the record.
 
         Returns
         -------
@@ -80,9 +84,9 @@ class AllanSums:
         InputError
             Not a single cluster.
         """
-        held = self.clusters * self.strides >= _FEWEST * self.factors
+        held = self.clusters * self.strides >= (share - 2) * self.factors
         if not held.any():
-            raise InputError(f"the signal has {self.samples} samples", expected="at least 9")
+            raise InputError(f"the signal has {self.samples} samples", expected=f"at least {share}")
         factors, clusters = self.factors[held], self.clusters[held]
         variance = self.squares[held] / (2.0 * clusters[:, np.newaxis])
         tau = factors / self.rate
@@ -90,8 +94,8 @@ class AllanSums:
         slopes = not_by_chance(slopes, factors, self.samples)
         freedom = power_law_degrees_of_freedom(slopes, factors, self.samples)
         # of a record in parts fewer clusters are there than of one in one stretch
-        share = clusters * self.strides[held] / (self.samples + 1.0 - 2.0 * factors)
-        freedom = np.maximum(freedom * np.minimum(share, 1.0)[:, np.newaxis], 1.0)
+        there = clusters * self.strides[held] / (self.samples + 1.0 - 2.0 * factors)
+        freedom = np.maximum(freedom * np.minimum(there, 1.0)[:, np.newaxis], 1.0)
         deviation = np.sqrt(variance)
         down, up = chi_square_bounds(freedom)
         return AllanCurve(

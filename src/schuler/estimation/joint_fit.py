@@ -28,7 +28,7 @@ from schuler.estimation.slopes import slope_method
 from schuler.noise import Process
 
 _POINTS_PER_DECADE = 5.0
-_LONGEST_FRACTION = 3
+LONGEST_FRACTION = 3
 _SHORTEST_RECORD = 100
 _BAND_EDGES = (10, 30, 100, 300)
 _AT_THE_EDGE = 3.0
@@ -39,7 +39,7 @@ _FEWEST_POINTS = 12
 def fit_factors(samples: int) -> NDArray[np.int64]:
     """Cluster lengths of the curve that is fitted: the default ones and a few up to a third."""
     usual = default_factors(samples)
-    longest = max(samples // _LONGEST_FRACTION, 1)
+    longest = max(samples // LONGEST_FRACTION, 1)
     more = np.round(np.geomspace(usual[-1], longest, 8)).astype(np.int64)
     return np.unique(np.concatenate([usual, more]))
 

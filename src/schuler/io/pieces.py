@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -92,6 +93,14 @@ def size_of_table(path: Path) -> int:
         return path.stat().st_size
     source = open_with(format_of(path), path, "imu", ReadOptions())
     return parquet_rows(path) * 8 * len(source.names)
+
+
+def is_partitioned(path: Path) -> bool:
+    """Whether a folder holds one recording in parts: names that differ in their numbers only."""
+    if not path.is_dir() or is_recording(path):
+        return False
+    names = [re.sub(r"\d+", "0", str(p.relative_to(path))) for p in _in_folder(path)]
+    return len(names) > 1 and len(set(names)) == 1
 
 
 def _in_folder(folder: Path) -> list[Path]:

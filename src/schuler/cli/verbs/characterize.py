@@ -157,8 +157,10 @@ def characterization_result(
 
 def too_large(file: Path, memory: float | None) -> bool:
     """Whether a recording has to be read in pieces."""
-    from schuler.io.pieces import size_of_table
+    from schuler.io.pieces import is_partitioned, size_of_table
 
+    if is_partitioned(file):
+        return True
     size = size_of_table(file)
     if memory is None:
         known = hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names

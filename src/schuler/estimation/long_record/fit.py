@@ -11,7 +11,7 @@ from schuler.errors import InputError
 from schuler.estimation.characterization import ImuCharacterization, findings_of, model_of
 from schuler.estimation.gmwm.fit import fit_gmwm_curves
 from schuler.estimation.identification import Identification
-from schuler.estimation.joint_fit import identify_curve
+from schuler.estimation.joint_fit import LONGEST_FRACTION, identify_curve
 from schuler.estimation.long_record.sums import RecordSums, collect_sums
 from schuler.estimation.spectrum.fit import SpectrumFit, fit_spectrum
 from schuler.estimation.structure_methods import random_parts, shared_flag
@@ -113,7 +113,7 @@ def characterize_sums(
     EstimationError
         A channel that does not vary.
     """
-    curve, first = sums.allan.curve(), sums.sample
+    curve, first = sums.allan.curve(LONGEST_FRACTION), sums.sample
     if method not in METHODS:
         raise InputError(
             f"method '{method}' on a record in pieces", expected=f"one of {', '.join(METHODS)}"
