@@ -16,6 +16,7 @@ from schuler.errors import SchulerError
 from schuler.evaluation.outage_windows import (
     OutageStatistics,
     OutageWindow,
+    asked_windows,
     deal_windows,
     judge_window,
     sweep_windows,
@@ -286,6 +287,18 @@ def test_a_sweep_covers_the_run_after_it_has_settled() -> None:
     assert [b[0] - a[0] for a, b in pairwise(windows)] == [10.0] * 10
     # the last one ends with five seconds to spare for the smoother
     assert windows[-1] == (160.0, 30.0)
+
+
+def test_windows_of_a_sweep_without_fixes_are_left_out_and_said(
+    drive: tuple[ImuRecording, GnssRecording],
+) -> None:
+    imu, gnss = drive
+    left = [(60.0, 30.0), (90.0, 30.0), (180.0, 30.0), (210.0, 30.0), (240.0, 30.0)]
+    lost = (imu.time < 115.0) | (imu.time > 185.0)
+    silent = replace(imu, time=imu.time[lost], gyro=imu.gyro[lost], accel=imu.accel[lost])
+    for one, fixes in ((imu, withhold(gnss, [(118.0, 64.0)])), (silent, gnss)):
+        with pytest.warns(UserWarning, match=r"there: 120:30, 150:30$"):
+            assert asked_windows((), (30.0, 30.0), fixes, one) == left
 
 
 def test_dealt_windows_leave_gnss_between_them_and_lose_none() -> None:

@@ -229,7 +229,7 @@ def compare_error_models(
     """
     check_models(models)
     settings = navigation_settings(compare_error_models, options, tune_noise=False)
-    groups = deal_windows(asked_windows(windows, sweep, gnss))
+    groups = deal_windows(asked_windows(windows, sweep, gnss, imu))
     measured = {m.name: m.measured(imu) for m in models}
 
     def one(number: int) -> _ComparedRun:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from schuler.data import GnssRecording, NavigationSolution
+from schuler.data import GnssRecording, ImuRecording, NavigationSolution
 from schuler.data.exportable import Exportable
 from schuler.data.to_dict import ToDict
 from schuler.earth import metres_per_radian
@@ -373,11 +374,11 @@ def in_order(windows: Iterable[OutageWindow]) -> OutageStatistics:
 
 
 def asked_windows(
-    windows: Sequence[Window], sweep: Window | None, gnss: GnssRecording
+    windows: Sequence[Window], sweep: Window | None, gnss: GnssRecording, imu: ImuRecording
 ) -> Sequence[Window]:
     """Return the windows that were given, or those of a sweep, all inside a recording."""
     if sweep is not None:
-        windows = sweep_windows(sweep[0], sweep[1], gnss.duration)
+        windows = _seen(sweep_windows(sweep[0], sweep[1], gnss.duration), gnss, imu)
     if not windows:
         raise InputError("no outage was asked for", cure="give windows or a sweep")
     for start, seconds in windows:
@@ -387,3 +388,21 @@ def asked_windows(
                 expected=f"START:SECONDS inside 0 .. {gnss.duration:.0f} s after the first fix",
             )
     return windows
+
+
+def _seen(windows: Sequence[Window], gnss: GnssRecording, imu: ImuRecording) -> Sequence[Window]:
+    """Return the windows of a sweep that can be judged; those without fixes or IMU are said."""
+    behind = np.clip(np.searchsorted(imu.time, gnss.time), 1, imu.size - 1)
+    # clocks may differ by as much as the longest step
+    near = [imu.time[np.clip(behind + k, 0, imu.size - 1)] for k in (-1, 0)]
+    good = (gnss.time - near[0] < LONGEST_STEP) & (near[1] - gnss.time < LONGEST_STEP)
+    time = gnss.time[good & ~screen_fixes(gnss).wrong] - gnss.time[0]
+    edges = np.array([(start, start + seconds) for start, seconds in windows]) - 1e-6
+    held = np.diff(np.searchsorted(time, edges))[:, 0] > 0
+    if not held.any():
+        raise InputError("no window of the sweep can be judged", expected="fixes and IMU in one")
+    empty = [w for w, there in zip(windows, held, strict=True) if not there]
+    if empty:
+        told = ", ".join(f"{start:g}:{seconds:g}" for start, seconds in empty)
+        warnings.warn(f"left out of the sweep, without fixes or IMU there: {told}", stacklevel=3)
+    return [w for w, there in zip(windows, held, strict=True) if there]

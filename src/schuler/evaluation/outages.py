@@ -145,7 +145,7 @@ def evaluate_outages(
     1
     """
     settings = navigation_settings(evaluate_outages, options)
-    groups = deal_windows(asked_windows(windows, sweep, gnss))
+    groups = deal_windows(asked_windows(windows, sweep, gnss, imu))
 
     def one(number: int) -> _JudgedRun:
         label = f"run {number + 1} of {len(groups)}: " if len(groups) > 1 else ""
