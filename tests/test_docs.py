@@ -8,11 +8,9 @@ import re
 import shlex
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import schuler
-from schuler.cli import main
 from schuler.cli.app import check
 from schuler.cli.registry import verbs
 
@@ -67,22 +65,3 @@ def test_commands_are_understood_and_python_is_python(page: Path) -> None:
             check(arguments, page.name)
         if language == "python":
             compile(block, page.name, "exec")
-
-
-@pytest.mark.parametrize("page", ["judge", "results"])  # the first hour: test_notebooks
-def test_pages_for_beginners_run_as_printed(
-    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for package in ("pandas", "matplotlib"):
-        pytest.importorskip(package)
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    if page == "results":  # its one command reads the log of the first hour
-        noise = schuler.NoiseModel.isotropic(schuler.WhiteNoise(9e-5), schuler.WhiteNoise(7e-4))
-        log = schuler.simulate_static(noise, 300.0, 50.0, np.random.default_rng(1))
-        log.to_parquet("static.parquet")
-    for language, block in blocks(ROOT / "docs" / f"{page}.md"):
-        if language == "python":
-            exec(compile(block, page, "exec"), names)
-        for arguments in commands(block) if page != "judge" else ():
-            assert main(arguments) == 0, arguments
