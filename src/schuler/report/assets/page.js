@@ -55,18 +55,38 @@
         if (!printing) for (const e of entries) if (e.contentRect.width) Plotly.Plots.resize(e.target);
       })
     : null;
+  // A map, both axes in metres to one scale, has a bar of 1, 2 or 5 tens that follows the zoom.
+  const bar = (element) => {
+    const { xaxis, yaxis } = element._fullLayout;
+    if (yaxis.scaleanchor !== "x") return;
+    const seen = Math.abs(xaxis.range[1] - xaxis.range[0]), ten = 10 ** Math.floor(Math.log10(seen / 4));
+    const metres = ten * [5, 2, 1].find((k) => k * ten <= seen / 4), share = metres / seen;
+    if (!(share > 0) || element.dataset.bar === share.toPrecision(4)) return;
+    element.dataset.bar = share.toPrecision(4);
+    const [size, unit] = metres >= 1000 ? [metres / 1000, "km"] : metres >= 1 ? [metres, "m"] : metres >= 0.01 ? [100 * metres, "cm"] : [1000 * metres, "mm"];
+    const ink = palette().getPropertyValue("--ink").trim(), own = data.get(element.dataset.figure).layout;
+    const where = { xref: "x domain", yref: "y domain" }, line = { color: ink, width: 1.5 }, left = 0.025, low = 0.04;
+    const stroke = (x0, x1, y1) => ({ type: "line", ...where, x0, x1, y0: low, y1, line });
+    Plotly.relayout(element, {
+      shapes: [...dress(own.shapes || [], palette()), stroke(left, left + share, low), stroke(left, left, low + 0.02), stroke(left + share, left + share, low + 0.02)],
+      annotations: [...dress(own.annotations || [], palette()), { ...where, x: left + share / 2, y: low, xanchor: "center", yanchor: "bottom", showarrow: false, text: `${Number(size.toPrecision(1))} ${unit}`, font: { color: ink, size: 11 } }],
+    });
+  };
   const draw = (element) => {
     const k = element.dataset.figure;
     if (!data.has(k)) data.set(k, JSON.parse(document.getElementById("figure-" + k).textContent));
     const figure = data.get(k), styles = palette();
     const size = printing ? { autosize: false, width: paperWidth(element) } : { autosize: true };
     const layout = { ...dress(figure.layout, styles), template: template(styles), height: figure.height, ...size };
-    if (!element.dataset.drawn && sizes) sizes.observe(element);
+    const first = !element.dataset.drawn;
+    if (first && sizes) sizes.observe(element);
     element.dataset.drawn = "yes";
-    return Plotly.react(element, dress(figure.traces, styles), layout, {
+    element.dataset.bar = "";
+    const done = Plotly.react(element, dress(figure.traces, styles), layout, {
       displayModeBar: printing ? false : "hover", modeBarButtons: [["toImage"]], displaylogo: false,
       toImageButtonOptions: { format: "svg" }, responsive: !printing, showTips: false,
     });
+    return done.then(() => { if (first) element.on("plotly_relayout", () => bar(element)); bar(element); });
   };
   const redraw = () => { dressKeys(); plots.filter((p) => p.dataset.drawn).forEach(draw); };
   const drawAll = () => { dressKeys(); plots.forEach(draw); };
