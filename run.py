@@ -57,20 +57,26 @@ def installed_extras() -> set[str]:
         return set()
 
 
-def environment_works() -> bool:
-    """Tell whether the virtual environment has a Python that is new enough and has pip."""
-    if not PYTHON.exists():
-        return False
-    probe = f"import sys, pip; sys.exit(sys.version_info < {OLDEST_PYTHON!r})"
-    return subprocess.run([str(PYTHON), "-c", probe], capture_output=True).returncode == 0
+def passes(python: str | Path, test: str) -> bool:
+    """Tell whether an interpreter starts and passes a test."""
+    probe = f"import sys; sys.exit(not ({test}))"
+    done = subprocess.run([str(python), "-c", probe], capture_output=True)
+    return done.returncode == 0
 
 
-def make_environment() -> int:
+def pip_serves_others() -> bool:
+    """Tell whether this Python's pip can fill the environment, which then needs none itself."""
+    return passes(sys.executable, "tuple(map(int, __import__('pip').__version__.split('.')[:2])) "
+                  ">= (22, 3)")  # fmt: skip
+
+
+def make_environment(*, with_pip: bool) -> int:
     """Make `.venv` anew."""
     print(f"Making the virtual environment {ENVIRONMENT} ...", flush=True)
     if ENVIRONMENT.exists():
         shutil.rmtree(ENVIRONMENT)
-    code = subprocess.run([sys.executable, "-m", "venv", str(ENVIRONMENT)]).returncode
+    how = [] if with_pip else ["--without-pip"]
+    code = subprocess.run([sys.executable, "-m", "venv", *how, str(ENVIRONMENT)]).returncode
     if code:
         return fail(
             "could not make a virtual environment (on Debian and Ubuntu: apt install python3-venv)"
@@ -82,14 +88,18 @@ def install(extra: str) -> int:
     """Install the project in place, with one extra, unless that has been done already."""
     if extra in installed_extras() and PYTHON.exists():
         return 0
-    if not environment_works():
-        code = make_environment()
+    outside = pip_serves_others()
+    needed = f"sys.version_info >= {OLDEST_PYTHON!r}"
+    needed += "" if outside else " and __import__('pip')"
+    if not (PYTHON.exists() and passes(PYTHON, needed)):
+        code = make_environment(with_pip=not outside)
         if code:
             return code
     target = f"{ROOT}[{extra}]" if extra else str(ROOT)
     print("Installing schuler and what it needs (once; a minute or two) ...", flush=True)
-    command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--no-compile"]
-    command.append("--disable-pip-version-check")
+    command = [sys.executable, "-m", "pip", "--python", str(PYTHON)]
+    command = command if outside else [str(PYTHON), "-m", "pip"]
+    command += ["install", "--quiet", "--no-compile", "--disable-pip-version-check"]
     code = subprocess.run([*command, "--editable", target]).returncode
     if code:
         return fail("pip could not install the project (its message is above); try again")

@@ -35,6 +35,8 @@ def commands(script: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[list[s
     seen: list[list[str]] = []
 
     def run(command: list[str], **options: object) -> subprocess.CompletedProcess[bytes]:
+        if "-c" in command:  # a look at an interpreter
+            return subprocess.CompletedProcess(command, 0)
         seen.append(command)
         if "venv" in command:
             script.PYTHON.parent.mkdir(parents=True)
@@ -50,12 +52,24 @@ def test_first_run_installs_and_second_run_only_runs(
 ) -> None:
     assert script.main(["test", "-k", "allan"]) == 0
     assert [c[1:3] for c in commands] == [["-m", "venv"], ["-m", "pip"], ["-m", "pytest"]]
-    assert commands[0][0] == sys.executable
+    assert commands[0][0] == commands[1][0] == sys.executable
+    assert "--without-pip" in commands[0]
+    assert commands[1][3:5] == ["--python", str(script.PYTHON)]
     assert commands[1][-1].endswith("[test]")
     assert commands[2][-2:] == ["-k", "allan"]
     commands.clear()
     assert script.main(["demo", "--out", "x"]) == 0
     assert [c[-4:] for c in commands] == [["schuler", "demo", "--out", "x"]]
+
+
+def test_a_python_without_pip_gives_the_environment_its_own(
+    script: ModuleType, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(script, "pip_serves_others", lambda: False)
+    assert script.main(["demo"]) == 0
+    assert commands[0][1:] == ["-m", "venv", str(script.ENVIRONMENT)]
+    assert commands[1][:3] == [str(script.PYTHON), "-m", "pip"]
+    assert "--python" not in commands[1]
 
 
 def test_a_changed_project_or_a_larger_extra_installs_again(
