@@ -58,7 +58,7 @@
   // A map, both axes in metres to one scale, has a bar of 1, 2 or 5 tens that follows the zoom.
   const bar = (element) => {
     const { xaxis, yaxis } = element._fullLayout;
-    if (yaxis.scaleanchor !== "x") return;
+    if (yaxis.scaleanchor !== "x" || !/ in m$/.test(xaxis.title.text)) return;
     const seen = Math.abs(xaxis.range[1] - xaxis.range[0]), ten = 10 ** Math.floor(Math.log10(seen / 4));
     const metres = ten * [5, 2, 1].find((k) => k * ten <= seen / 4), share = metres / seen;
     if (!(share > 0) || element.dataset.bar === share.toPrecision(4)) return;
