@@ -16,6 +16,7 @@ from cyclopts.exceptions import CycloptsError
 
 from schuler import __version__
 from schuler.cli.console import MANNERS, say
+from schuler.cli.options.groups import OPTIONS
 from schuler.cli.registry import help_line, verbs
 from schuler.errors import InputError, SchulerError
 from schuler.execution.progress import behave
@@ -43,6 +44,7 @@ def program(arguments: Sequence[str]) -> App:
         help_epilogue=EPILOGUE,
         help_format="plaintext",  # a list of single lines: markdown would only cost its import
         default_parameter=Parameter(negative=(), show_default=_show_default),
+        group_parameters=OPTIONS,
         suppress_keyboard_interrupt=False,
     )
     paths = verbs()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from schuler.cli.options.groups import ARRAY
 from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from schuler.data.mounting import Mounting
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=ARRAY)
 @dataclass(frozen=True)
 class ArrayOptions:
     """Several IMUs on one body instead of one.

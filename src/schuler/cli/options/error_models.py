@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.options.groups import NOISE
 from schuler.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from schuler.noise.noise_model import NoiseModel
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=NOISE)
 @dataclass(frozen=True)
 class _SensorAtRest:
     """Where the noise of an error model comes from, and how 18AVWD takes it off.
@@ -34,7 +35,7 @@ class _SensorAtRest:
     denoising: Literal["off-line", "causal"] = "off-line"
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=NOISE)
 @dataclass(frozen=True)
 class ModelOptions(_SensorAtRest):
     """Which error models to compare.
@@ -65,7 +66,7 @@ class ModelOptions(_SensorAtRest):
         return tuple(whole)
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=NOISE)
 @dataclass(frozen=True)
 class OneModel(_SensorAtRest):
     """What the filter is told of its sensor.

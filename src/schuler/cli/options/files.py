@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from schuler.cli.options.error_models import OneModel
+from schuler.cli.options.groups import NOISE, RESULTS
 from schuler.errors import InputError, SchulerError
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ Files = Annotated[tuple[Path, ...], Parameter(name="FILES", negative=())]
 Clocks = Literal["auto", "shared", "own"]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=RESULTS)
 @dataclass(frozen=True)
 class Written:
     """Files with the whole result.
@@ -49,7 +50,7 @@ class Written:
     figure_format: Literal["pdf", "svg", "png"] = "pdf"
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=RESULTS)
 @dataclass(frozen=True)
 class ModelFiles:
     """Files with the noise model.
@@ -87,7 +88,7 @@ class ModelFiles:
         return (*texts, (self.kalibr, lambda: kalibr)), ()
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=NOISE)
 @dataclass(frozen=True)
 class OfSensor:
     """The sensor that recorded a run, and where it is known.

@@ -7,13 +7,14 @@ from typing import Any
 
 from cyclopts import Parameter
 
+from schuler.cli.options.groups import OUTAGES
 from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
 Windows = tuple[tuple[float, float], ...]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=OUTAGES)
 @dataclass(frozen=True)
 class OutageOptions:
     """Where GNSS is withheld, and how the answer is judged.

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.options.groups import READING
 from schuler.errors import InputError
 
 
@@ -27,16 +28,13 @@ def columns_of(pairs: tuple[str, ...], names: str | None) -> dict[str, Any] | li
     return mapping or None
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=READING)
 @dataclass(frozen=True)
-class ImuReading:
-    """How to read an IMU file.
+class _FileReading:
+    """How to read a file of any kind.
 
     Parameters
     ----------
-    column : tuple of str
-        A column by its role: ROLE=NAME with ROLE out of time, gyro_x, gyro_y, gyro_z,
-        accel_x, accel_y, accel_z, temperature; ROLE= leaves it out. May be repeated.
     columns : str, optional
         Names of all columns of a text file without header, in order, with commas between.
     rate : float, optional
@@ -45,12 +43,6 @@ class ImuReading:
         Such as s, ms, us, ns; or how dates are written, such as '%d.%m.%Y %H:%M:%S%.f'.
     time_offset : float
         Seconds added to the time.
-    gyro_unit : str, optional
-        Such as rad/s, deg/s, mdps, 'LSB 131/(deg/s)'.
-    accel_unit : str, optional
-        Such as m/s^2, g, mg, 'LSB 16384/g'.
-    increments : bool, optional
-        The columns hold increments of angle and velocity instead of rates.
     delimiter : str, optional
         Between columns of a text file; found out if not given.
     decimal : str, optional
@@ -61,8 +53,6 @@ class ImuReading:
         Lines left out at the beginning of a text file.
     no_header : bool
         The text file has no line of names.
-    imu : int, optional
-        Number of the IMU in a file of several.
     ros_topic : str, optional
         Topic to read from a ROS bag with several.
     clock : str, optional
@@ -76,51 +66,82 @@ class ImuReading:
     rate: float | None = None
     time_unit: str | None = None
     time_offset: float = 0.0
-    gyro_unit: str | None = None
-    accel_unit: str | None = None
-    increments: bool | None = None
     delimiter: str | None = None
     decimal: Literal[".", ","] | None = None
     comment: str | None = None
     skip_lines: int = 0
     no_header: bool = False
-    imu: int | None = None
     ros_topic: str | None = None
     clock: Literal["header", "bag"] | None = None
     profile: Path | None = None
 
-    def options(self, *, repair: bool = False) -> dict[str, Any]:
-        """Return the arguments of `read_imu`."""
-        return _profiled(self.profile, "imu") | self._told(repair=repair)
-
     def _told(self, *, repair: bool) -> dict[str, Any]:
+        """Return what was said of the file, whatever it holds."""
         return _given(
             columns=columns_of(self.column, self.columns),
             rate=self.rate,
             time_unit=self.time_unit,
             time_offset=self.time_offset or None,
-            gyro_unit=self.gyro_unit,
-            accel_unit=self.accel_unit,
-            increments=self.increments,
             delimiter=self.delimiter,
             decimal=self.decimal,
             comment=self.comment,
             skip_lines=self.skip_lines or None,
             header=False if self.no_header else None,
-            imu=self.imu,
             topic=self.ros_topic,
             clock=self.clock,
             repair=repair or None,
         )
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=READING)
 @dataclass(frozen=True)
-class AnyReading(ImuReading):
-    """How to read a file of an IMU or of a receiver.
+class ImuReading(_FileReading):
+    """How to read an IMU file.
 
     Parameters
     ----------
+    column : tuple of str
+        A column by its role: ROLE=NAME with ROLE out of time, gyro_x, gyro_y, gyro_z,
+        accel_x, accel_y, accel_z, temperature; ROLE= leaves it out. May be repeated.
+    gyro_unit : str, optional
+        Such as rad/s, deg/s, mdps, 'LSB 131/(deg/s)'.
+    accel_unit : str, optional
+        Such as m/s^2, g, mg, 'LSB 16384/g'.
+    increments : bool, optional
+        The columns hold increments of angle and velocity instead of rates.
+    imu : int, optional
+        Number of the IMU in a file of several.
+    """
+
+    gyro_unit: str | None = None
+    accel_unit: str | None = None
+    increments: bool | None = None
+    imu: int | None = None
+
+    def options(self, *, repair: bool = False) -> dict[str, Any]:
+        """Return the arguments of `read_imu`."""
+        return (
+            _profiled(self.profile, "imu")
+            | self._told(repair=repair)
+            | _given(
+                gyro_unit=self.gyro_unit,
+                accel_unit=self.accel_unit,
+                increments=self.increments,
+                imu=self.imu,
+            )
+        )
+
+
+@Parameter(name="*", group=READING)
+@dataclass(frozen=True)
+class TrackReading(_FileReading):
+    """How to read a file of positions: of a receiver, or a trajectory.
+
+    Parameters
+    ----------
+    column : tuple of str
+        A column by its role: ROLE=NAME with ROLE such as time, latitude, longitude, height,
+        north, east, down, velocity_north, position_sd; ROLE= leaves it out. May be repeated.
     angle_unit : str, optional
         Of latitude and longitude, such as deg, rad, '1e-7 deg'.
     velocity_unit : str, optional
@@ -133,8 +154,6 @@ class AnyReading(ImuReading):
         file's.
     velocity_sd : float, optional
         Standard deviation of velocities in m/s, in place of the file's.
-    calibration : Path, optional
-        Calibration of the IMU as YAML, from `schuler calibrate`; applied to what is read.
     repair : bool
         Leave out rows that cannot be used (NaN, time that repeats or goes backwards, a last
         line that was cut off), and repair what the screening finds.
@@ -145,25 +164,13 @@ class AnyReading(ImuReading):
     origin: str | None = None
     position_sd: float | None = None
     velocity_sd: float | None = None
-    calibration: Path | None = None
     repair: bool = False
 
-    def inputs(self, file: Path) -> tuple[Path, ...]:
-        """Return all files that are read."""
-        return (file,) if self.calibration is None else (file, self.calibration)
-
-    def of(self, kind: Literal["imu", "gnss"]) -> dict[str, Any]:
-        """Return the arguments of `read_imu` or `read_gnss`, the calibration apart."""
-        if kind == "gnss" and self.calibration is not None:
-            raise InputError("--calibration with a GNSS recording", expected="an IMU recording")
-        if kind == "imu":
-            return self.options(repair=self.repair)
-        shared = self._told(repair=self.repair)
-        for name in ("gyro_unit", "accel_unit", "increments", "imu"):
-            shared.pop(name, None)
+    def positions(self) -> dict[str, Any]:
+        """Return the arguments of `read_gnss` and `read_track`."""
         return (
-            _profiled(self.profile, kind)
-            | shared
+            _profiled(self.profile, "gnss")
+            | self._told(repair=self.repair)
             | _given(
                 angle_unit=self.angle_unit,
                 velocity_unit=self.velocity_unit,
@@ -174,7 +181,34 @@ class AnyReading(ImuReading):
         )
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=READING)
+@dataclass(frozen=True)
+class AnyReading(ImuReading, TrackReading):
+    """How to read a file of an IMU or of a receiver.
+
+    Parameters
+    ----------
+    column : tuple of str
+        A column by its role: ROLE=NAME with ROLE such as time, gyro_x, accel_z, temperature,
+        latitude, velocity_north; ROLE= leaves it out. May be repeated.
+    calibration : Path, optional
+        Calibration of the IMU as YAML, from `schuler calibrate`; applied to what is read.
+    """
+
+    calibration: Path | None = None
+
+    def inputs(self, file: Path) -> tuple[Path, ...]:
+        """Return all files that are read."""
+        return (file,) if self.calibration is None else (file, self.calibration)
+
+    def of(self, kind: Literal["imu", "gnss"]) -> dict[str, Any]:
+        """Return the arguments of `read_imu` or `read_gnss`, the calibration apart."""
+        if kind == "gnss" and self.calibration is not None:
+            raise InputError("--calibration with a GNSS recording", expected="an IMU recording")
+        return self.options(repair=self.repair) if kind == "imu" else self.positions()
+
+
+@Parameter(name="*", group=READING)
 @dataclass(frozen=True)
 class DriveReading:
     """How to read the two files of a drive.

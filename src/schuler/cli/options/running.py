@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.options.groups import VEHICLE
 from schuler.cli.parsing import parse_numbers
 
 if TYPE_CHECKING:
     from schuler.navigation.aiding.options import MeasurementOptions
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=VEHICLE)
 @dataclass(frozen=True)
 class RunOptions:
     """What is known about the run.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter
 
+from schuler.cli.options.groups import SENSORS
 from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 MICROTESLA = 1e-6
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=SENSORS)
 @dataclass(frozen=True)
 class SensorOptions:
     """Heading, barometer, magnetometer and odometer, stamped by the clock of the IMU.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from schuler.cli.options.groups import MOTION, RECEIVER, SIMULATED
 from schuler.cli.parsing import parse_numbers
 from schuler.errors import InputError
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 Motion = Literal["static", "car_urban", "car_mixed", "motorcycle", "ski", "walk", "drone"]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=MOTION)
 @dataclass(frozen=True)
 class MotionOptions:
     """What moves, and what goes wrong.
@@ -55,7 +56,7 @@ class MotionOptions:
     fault: Annotated[tuple[str, ...], Parameter(negative=())] = ()
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=SIMULATED)
 @dataclass(frozen=True)
 class SensorOptions:
     """The IMU.
@@ -164,7 +165,7 @@ class SensorOptions:
             ) from None
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=RECEIVER)
 @dataclass(frozen=True)
 class ReceiverOptions:
     """GNSS.

@@ -12,7 +12,7 @@ from schuler.cli.job import Job, Result, working
 from schuler.cli.loading import reading_file
 from schuler.cli.options.files import Written
 from schuler.cli.options.outages import parse_windows
-from schuler.cli.options.reading import AnyReading
+from schuler.cli.options.reading import TrackReading
 from schuler.cli.parsing import parse_numbers, title_of
 from schuler.errors import SchulerError
 
@@ -61,7 +61,7 @@ def evaluate(
     truth: Path,
     window: tuple[str, ...] = (),
     reference: Reference = Reference(),
-    reading: AnyReading = AnyReading(),
+    reading: TrackReading = TrackReading(),
     written: Written = Written(),
 ) -> int:
     """Judge the trajectory of any program by a reference.
@@ -77,7 +77,7 @@ def evaluate(
         What is judged: of `schuler navigate --out`, TUM, EuRoC, SBET, .pos, KF-GINS, NMEA, CSV.
     truth : Path
         The reference, in any of these forms.
-    reading : AnyReading, optional
+    reading : TrackReading, optional
         How to read the trajectory, where it is text.
     window : tuple of str
         START:SECONDS, with START in seconds after the first common moment. May be repeated.
@@ -86,7 +86,7 @@ def evaluate(
 
     job = Job(written, inputs=(trajectory, truth))
     with reading_file(trajectory.name, "one"):
-        track = read_track(trajectory, **reading.of("gnss"))
+        track = read_track(trajectory, **reading.positions())
     with working("Evaluating"):
         found = judged(track, truth, reference, parse_windows(window))
     title = f"{title_of(trajectory)} against {title_of(truth)}"
