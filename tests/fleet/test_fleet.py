@@ -351,6 +351,25 @@ def test_a_warmer_year_is_not_ageing(tmp_path: Path) -> None:
     assert next(t for t in trends if t.per == "K").slope == pytest.approx(0.01, rel=0.3)
 
 
+def test_a_profile_says_how_the_logs_are_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = np.random.default_rng(3).normal((0, 0, 0, 0, 0, -9.8), 0.01, (3000, 6))
+    head = ",".join(
+        f"{s}_{a}_{u}" for s, u in (("gyro", "rad_s"), ("accel", "m_s2")) for a in "xyz"
+    )
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=head, comments="")
+    command = ["batch", str(tmp_path / "logs.csv"), "--out", str(tmp_path / "f.sqlite")]
+    (tmp_path / "logs.csv").write_text("file\na.csv\n")
+    assert run([*command, "--processes", "1"]) == 1
+    assert "in a profile, which schuler read --save-profile writes" in capsys.readouterr().out
+    (tmp_path / "logger.yaml").write_text("imu: {rate: 50.0}\n")
+    assert run([*command, "--profile", str(tmp_path / "logger.yaml"), "--processes", "1"]) == 0
+    (tmp_path / "logs.csv").write_text("file,serial,profile\na.csv,S1,logger.yaml\n")
+    assert run([*command, "--processes", "1"]) == 0
+    assert "1 logs done" in capsys.readouterr().out
+
+
 def test_the_command_line(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     database, page, text = (tmp_path / n for n in ("f.sqlite", "f.html", "f.json"))
     command = ["batch", str(fleet / "logs.csv"), "--out", str(database), "--processes", "1"]

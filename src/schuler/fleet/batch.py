@@ -172,7 +172,7 @@ def _key(entry: LogEntry, settings: Mapping[str, Any]) -> str:
 
 
 def _files(entry: LogEntry) -> tuple[Path | None, ...]:
-    return entry.file, entry.gnss, entry.noise, entry.calibration
+    return entry.file, entry.gnss, entry.noise, entry.calibration, entry.profile
 
 
 def _state(path: Path) -> tuple[int, int]:

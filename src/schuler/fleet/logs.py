@@ -8,7 +8,9 @@ from pathlib import Path
 
 from schuler.errors import InputError
 
-_COLUMNS = ("file", "sensor", "serial", "date", "temperature", "gnss", "noise", "calibration")
+_COLUMNS = (
+    "file", "sensor", "serial", "date", "temperature", "gnss", "noise", "calibration", "profile"
+)  # fmt: skip
 _ENDINGS = frozenset(
     {".csv", ".txt", ".parquet", ".npz", ".bag", ".mcap", ".db3", ".ulg", ".bin", ".ubx", ".mat"}
     | {".log", ".dat", ".asc", ".json", ".jsonl", ".tsv"}
@@ -39,6 +41,8 @@ class LogEntry:
         Noise model that the drive uses.
     calibration : Path or None
         Of the sensor, as YAML: the log is calibrated, and the database keeps it for the sensor.
+    profile : Path or None
+        How its files are read (rate, units, columns), from `schuler read --save-profile`.
     """
 
     file: Path
@@ -49,6 +53,7 @@ class LogEntry:
     gnss: Path | None = None
     noise: Path | None = None
     calibration: Path | None = None
+    profile: Path | None = None
 
     @property
     def unit(self) -> str:
@@ -64,7 +69,7 @@ def list_logs(where: Path) -> tuple[tuple[LogEntry, ...], tuple[str, ...]]:
     where : Path
         A folder, searched with all folders in it, or a CSV or Parquet table with a column `file`
         and, where known, `sensor`, `serial`, `date`, `temperature` (degrees Celsius), `gnss`,
-        `noise` and `calibration`; files relative to the table.
+        `noise`, `calibration` and `profile`; files relative to the table.
 
     Returns
     -------
@@ -192,4 +197,5 @@ def _entry(table: Path, number: int, row: Mapping[str, str]) -> LogEntry:
         path("gnss"),
         path("noise"),
         path("calibration"),
+        path("profile"),
     )

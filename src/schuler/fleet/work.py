@@ -3,45 +3,63 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from schuler.errors import SchulerError
 
 Outcome = dict[str, Any]
+How = dict[str, dict[str, Any]]
+"""Options of `read_imu` and `read_gnss`."""
+KINDS: tuple[Literal["imu", "gnss"], ...] = ("imu", "gnss")
+PROFILE = "for a batch this stands in a profile, which schuler read --save-profile writes"
 
 
 def work_on(
-    file: str, gnss: str, noise: str, calibration: str, settings: dict[str, Any]
+    file: str, gnss: str, noise: str, calibration: str, profile: str, settings: dict[str, Any]
 ) -> Outcome:
     """Measure a static log, or judge a drive; a log that cannot be used says why.
 
     Parameters
     ----------
-    file, gnss, noise, calibration : str
+    file, gnss, noise, calibration, profile : str
         Paths; empty where there is none.
     settings : dict
         Those of `BatchSettings`.
     """
     try:
         given = Path(calibration) if calibration else None
-        found = (
-            _drive(file, gnss, noise, given, settings) if gnss else _noise(file, given, settings)
-        )
+        how = _how(profile, settings)
+        how["imu"]["calibration"] = given
+        if gnss:
+            found = _drive(Path(file), Path(gnss), noise, how, settings)
+        else:
+            found = _noise(Path(file), how, settings)
         return found | {"calibration": given.read_text(encoding="utf-8") if given else ""}
     except SchulerError as error:
-        return {"status": "failed", "message": str(error)}
+        aside = "" if profile or "=" not in error.cure else f" ({PROFILE})"
+        return {"status": "failed", "message": f"{error}{aside}"}
     except MemoryError:
         return {"status": "failed", "message": f"{file}: does not fit into memory"}
     except Exception as error:  # one log must not end a batch of thousands
         return {"status": "failed", "message": f"{file}: {type(error).__name__}: {error} (a bug)"}
 
 
-def _noise(file: str, calibration: Path | None, settings: dict[str, Any]) -> Outcome:
+def _how(profile: str, settings: dict[str, Any]) -> How:
+    """Return how the files of a log are read: the settings of a batch go before a profile."""
+    from schuler.io.profile import load_profile
+
+    imu, gnss = (load_profile(profile, k) if profile else {} for k in KINDS)
+    sds = {k: settings[k] for k in ("position_sd", "velocity_sd") if settings[k] is not None}
+    repair = {"repair": True} if settings["repair"] else {}
+    return {"imu": imu | repair, "gnss": gnss | sds}
+
+
+def _noise(file: Path, how: How, settings: dict[str, Any]) -> Outcome:
     from schuler.estimation.characterization import characterize_imu
     from schuler.io.read import read_imu
     from schuler.screening.screen import repair_until_clean, screen
 
-    imu = read_imu(Path(file), calibration=calibration, repair=settings["repair"])
+    imu = read_imu(file, **how["imu"])
     screening = screen(imu)
     screening.require_usable()
     if settings["repair"]:
@@ -66,16 +84,17 @@ def _noise(file: str, calibration: Path | None, settings: dict[str, Any]) -> Out
 
 
 def _drive(
-    file: str, gnss: str, noise: str, calibration: Path | None, settings: dict[str, Any]
+    file: Path,
+    gnss: Path,
+    noise: str,
+    how: How,
+    settings: dict[str, Any],
 ) -> Outcome:
     from schuler.evaluation.outages import evaluate_outages
     from schuler.io.read import read_gnss, read_imu
     from schuler.noise import NoiseModel
 
-    imu = read_imu(Path(file), calibration=calibration, repair=settings["repair"])
-    fixes = read_gnss(
-        Path(gnss), position_sd=settings["position_sd"], velocity_sd=settings["velocity_sd"]
-    )
+    imu, fixes = read_imu(file, **how["imu"]), read_gnss(gnss, **how["gnss"])
     model = NoiseModel.load(noise) if noise else None
     found = evaluate_outages(
         imu, fixes, model, sweep=tuple(settings["sweep"]), aiding=tuple(settings["aiding"])

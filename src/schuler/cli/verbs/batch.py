@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,6 +57,9 @@ class Treatment:
         What is known of the vehicle: nhc, zupt, wheel.
     gnss_position_sd, gnss_velocity_sd : float, optional
         Standard deviations of receivers that state none, m and m/s.
+    profile : Path, optional
+        How the files are read (rate, units, columns), from `schuler read --save-profile`, for
+        logs whose row of the table names no other.
     """
 
     model: str = "auto"
@@ -65,6 +68,7 @@ class Treatment:
     aid: tuple[str, ...] = ()
     gnss_position_sd: float | None = None
     gnss_velocity_sd: float | None = None
+    profile: Path | None = None
 
 
 def batch(
@@ -92,7 +96,7 @@ def batch(
     ----------
     logs : Path
         Folder, or CSV or Parquet table with a column file and, where known, sensor, serial,
-        date, temperature (degrees Celsius), gnss, noise and calibration.
+        date, temperature (degrees Celsius), gnss, noise, calibration and profile.
     out : Path
         Database; made, or gone on with.
     retry : bool
@@ -119,6 +123,7 @@ def batch(
         treatment.gnss_velocity_sd,
     )
     entries, remarks = list_logs(logs)
+    entries = tuple(replace(e, profile=e.profile or treatment.profile) for e in entries)
     crew = workers(workforce.processes, workforce.scheduler)
     with FleetDatabase(out) as database:
         if retry:

@@ -91,6 +91,21 @@
   const redraw = () => { dressKeys(); plots.filter((p) => p.dataset.drawn).forEach(draw); };
   const drawAll = () => { dressKeys(); plots.forEach(draw); };
   dressKeys();
+  // On a phone a table wider than the page becomes a card a row, every value behind its heading.
+  const narrow = matchMedia("(max-width: 40rem)");
+  const deal = () => {
+    if (!narrow.matches) return;
+    for (const box of document.querySelectorAll(".table:not(.cards)")) {
+      if (box.scrollWidth <= box.clientWidth + 1 || box.querySelector(".verdicts")) continue;
+      const headings = [...box.querySelectorAll("thead th")].map((h) => h.textContent.trim());
+      for (const row of box.querySelectorAll("tbody tr")) [...row.children].forEach((cell, k) => { cell.dataset.label = headings[k] || ""; });
+      box.classList.add("cards");
+      if (box.scrollWidth > box.clientWidth + 1) box.classList.add("tall");
+    }
+  };
+  deal();
+  narrow.addEventListener("change", deal);
+  document.querySelectorAll("details").forEach((d) => d.addEventListener("toggle", deal));
   if (typeof Plotly === "undefined") return;
   if ("IntersectionObserver" in window) {
     const watcher = new IntersectionObserver((entries) => {

@@ -23,6 +23,8 @@ from schuler.units import kind_of, scale
 
 Rows = tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]
 """Column headings and rows."""
+DRIVE_FIGURES = ("causal mean of maxima", "causal inside 2 sigma", "smoothed mean of maxima",
+                 "smoothed inside 2 sigma")  # fmt: skip
 MOST_UNITS = 60
 """Sensors of a picture; the best of more are left out."""
 
@@ -48,17 +50,18 @@ def fleet_sections(result: FleetSummary) -> tuple[Section, ...]:
         ("Sensors that stand out", outlier_rows(result)),
         ("Trends", trend_rows(result)),
         ("Drives, the worst first", drive_rows(result)),
-        ("Logs that failed", (("why",), tuple((why,) for _, why in result.failures))),
+        ("Logs that failed", failure_rows(result)),
     ):
         if rows:
-            blocks.append(Table(title, columns, tuple(rows), folded=len(rows) > 40))
+            words = (0, 1) if columns[-1] == "why" else (0,)
+            blocks.append(Table(title, columns, tuple(rows), words, folded=len(rows) > 40))
     return (Section("The fleet", tuple(blocks), _short(result)),)
 
 
 def _short(result: FleetSummary) -> tuple[str, ...]:
     white = [p for p in result.parameters if p.name == "N" and p.units > 1]
     apart = sum(not p.shared for p in white)
-    lines = []
+    lines = [_done(result)]
     if white:
         lines.append(
             f"White noise differs from sensor to sensor beyond its errors on {apart} of "
@@ -72,9 +75,27 @@ def _short(result: FleetSummary) -> tuple[str, ...]:
         if who:
             more = f" and {len(who) - 6} more" if len(who) > 6 else ""
             lines.append(f"{verb}: {', '.join(who[:6])}{more}.")
-    if result.failures:
-        lines.append(f"{len(result.failures)} of {result.logs} logs could not be used.")
-    return tuple(lines[:3])
+    errors = [float(e) for d in result.drives if (e := d.get(DRIVE_FIGURES[0])) is not None]
+    if errors:
+        spread = " to ".join(dict.fromkeys(number(e) for e in (min(errors), max(errors))))
+        lines.append(
+            f"In outages of GNSS the drives were off by {spread} m at most (causal, mean over the "
+            "outages of a drive)."
+        )
+    return tuple(lines)
+
+
+def _done(result: FleetSummary) -> str:
+    """Tell how many logs of what kind were measured."""
+    drives, failed = len(result.drives), len(result.failures)
+    static = result.logs - drives - failed
+    kinds = [
+        f"{n} {what}{'s' if n > 1 else ''}"
+        for n, what in ((static, "static log"), (drives, "drive"))
+        if n
+    ]
+    lost = f"; {failed} could not be used" if failed else ""
+    return f"Of {result.logs} logs {' and '.join(kinds) or 'none'} were measured{lost}."
 
 
 def _findings(result: FleetSummary) -> tuple[Finding, ...]:
@@ -82,7 +103,11 @@ def _findings(result: FleetSummary) -> tuple[Finding, ...]:
     for one in result.outliers:
         found[one.serial].append(f"{one.name} of {one.axis} is {one.ratio:.3g} times the fleet's")
     items = [Finding("warning", f"{serial}: {'; '.join(t[:4])}.") for serial, t in found.items()]
-    return tuple(items) or (Finding("good", "No sensor stands out."),)
+    if items:
+        return tuple(items)
+    several = any(p.units > 1 for p in result.parameters)
+    fine = Finding("good", "No sensor stands out.")
+    return (fine if several else Finding("info", "No two sensors at rest to compare."),)
 
 
 def _ranking(result: FleetSummary) -> FigureGrid:
@@ -122,7 +147,7 @@ def parameter_rows(fleet: FleetSummary) -> Rows:
         value = compact_with_error(p.value / size, p.standard_error / size)
         count = f"{p.logs}" + (f" (+{p.unseen} below)" if p.unseen else "")
         rows.append((p.sensor, p.axis, p.name, value, unit, spread, shared, str(p.units), count))
-    columns = ("kind", "axis", "", "pooled", "unit", "spread", "one value", "sensors", "logs")
+    columns = ("kind", "axis", "figure", "pooled", "unit", "spread", "one value", "sensors", "logs")
     return columns, tuple(rows)
 
 
@@ -141,19 +166,19 @@ def history_rows(history: Sequence[Measurement]) -> Rows:
         else:
             value = MISSING if m.upper_limit is None else f"< {number(m.upper_limit / size)}"
         rows.append((m.axis, m.name, m.date or MISSING, warm, value, unit))
-    return ("axis", "", "date", "°C", "value", "unit"), tuple(rows)
+    return ("axis", "figure", "date", "°C", "value", "unit"), tuple(rows)
 
 
 def outlier_rows(fleet: FleetSummary) -> Rows:
     """Return the sensors that stand out."""
-    return ("sensor that stands out", "axis", "", "times the fleet's", "p"), tuple(
+    return ("sensor that stands out", "axis", "figure", "times the fleet's", "p"), tuple(
         (o.serial, o.axis, o.name, number(o.ratio), number(o.p_value, 1)) for o in fleet.outliers
     )
 
 
 def trend_rows(fleet: FleetSummary) -> Rows:
     """Return what changes with time or temperature."""
-    return ("trend", "axis", "", "change", "p"), tuple(
+    return ("trend", "axis", "figure", "change", "p"), tuple(
         (
             t.serial or f"all {t.sensor}".strip(),
             t.axis,
@@ -167,14 +192,25 @@ def trend_rows(fleet: FleetSummary) -> Rows:
 
 def drive_rows(fleet: FleetSummary) -> Rows:
     """Return the drives."""
-    names = ("causal mean of maxima", "causal inside 2 sigma", "smoothed mean of maxima",
-             "smoothed inside 2 sigma")  # fmt: skip
+    files = [Path(str(d["file"])) for d in fleet.drives]
+    alike = len({f.name for f in files}) < len(files)
     rows = []
-    for drive in fleet.drives:
-        cells = [drive.get(n) for n in names]
+    for file, drive in zip(files, fleet.drives, strict=True):
+        cells = [drive.get(n) for n in DRIVE_FIGURES]
         shown = [
             MISSING if c is None else percent(c) if "inside" in n else f"{number(c)} m"
-            for n, c in zip(names, cells, strict=True)
+            for n, c in zip(DRIVE_FIGURES, cells, strict=True)
         ]
-        rows.append((Path(str(drive["file"])).name, str(drive["serial"]), *shown))
-    return ("drive", "serial", "causal", "inside 2 sigma", "smoothed", "inside"), tuple(rows)
+        name = f"{file.parent.name}/{file.name}" if alike else file.name
+        rows.append((name, str(drive["serial"]), *shown))
+    columns = ("causal error", "inside 2 sigma", "smoothed error", "inside 2 sigma")
+    return ("drive", "serial", *columns), tuple(rows)
+
+
+def failure_rows(fleet: FleetSummary) -> Rows:
+    """Return why logs failed; those of one reason stand together."""
+    logs: dict[str, list[str]] = defaultdict(list)
+    for file, why in fleet.failures:
+        name = Path(file).name
+        logs[why.removeprefix(f"{file}: ").removeprefix(f"{name}: ")].append(name)
+    return ("log", "why"), tuple((", ".join(names), why) for why, names in logs.items())
