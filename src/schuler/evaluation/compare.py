@@ -62,8 +62,8 @@ class ResultComparison(Exportable):
     names : tuple of str
         Of the results.
     numbers : tuple of ComparedValue
-        What at least two of them hold, what a result is asked for first, then
-        that which differs most.
+        What at least two of them hold: what a result is asked for first, figures of all before
+        those of one window or row, and then that which differs most.
     words : tuple of (str, tuple of str)
         Texts that differ, such as settings, and what each result says.
     lacking : tuple of str
@@ -149,7 +149,7 @@ def compare_results(
             f"the results have no number in common ({', '.join(results)})",
             expected="results of the same command",
         )
-    numbers.sort(key=lambda n: (_place(n.key), -n.change))
+    numbers.sort(key=lambda n: (_place(n.key), _one_of_many(n.key), -n.change))
     return ResultComparison(tuple(results), tuple(numbers), tuple(words), tuple(lacking))
 
 
@@ -158,6 +158,11 @@ def _place(key: str) -> int:
     if any(word in key for word in ASIDE):
         return 2
     return 0 if any(word in key for word in ASKED) else 1
+
+
+def _one_of_many(key: str) -> bool:
+    """Whether a number is of one window, run or row among several."""
+    return any(part.isdigit() for part in key.split("."))
 
 
 def _name(result: Any, k: int) -> str:

@@ -96,7 +96,7 @@ def calibrate_imu(imu: ImuRecording, *, gravity: float = STANDARD_GRAVITY) -> Im
         0 if turns is None else turns.turns,
         fit.before,
         fit.deviation,
-        (*said, *_findings(fit, turns)),
+        (*_findings(fit, turns), *said),
     )
 
 

@@ -122,13 +122,15 @@ def _one_imu(imu: ImuRecording, gravity: float, out: Path | None) -> Result:
     """Calibrate a single unit."""
     from schuler.arrays.calibration.single_imu import calibrate_imu
     from schuler.report import Section, Table
+    from schuler.report.makers import spoken
 
     with working("Calibrating"):
         found = calibrate_imu(imu, gravity=gravity)
     title = f"Calibration of {found.name}"
     head = f"{found.poses} poses, {found.turns} turns"
-    columns = ("sensor", "bias", "scale correction", "misalignment, deg")
+    columns = ("sensor", "bias", "scale correction", "leans to the other axes, deg")
     rows = _unit_rows(found)
+    table = Table(head, columns, rows)
 
     def show(screen: Screen) -> None:
         screen.heading(title, head)
@@ -137,7 +139,7 @@ def _one_imu(imu: ImuRecording, gravity: float, out: Path | None) -> Result:
 
     return Result(
         title=title,
-        sections=(Section(title, (Table(head, columns, rows),), found.findings), imu),
+        sections=(Section(title, (table,), tuple(map(spoken, found.findings))), imu),
         show=show,
         json=found.to_dict,
         settings={"gravity": gravity},
@@ -153,13 +155,15 @@ def _unit_rows(found: ImuCalibration) -> tuple[tuple[str, ...], ...]:
         bias, bias_sd = getattr(found, f"{sensor}_bias"), getattr(found, f"{sensor}_bias_sd")
         matrix, sd = getattr(found, f"{sensor}_matrix"), getattr(found, f"{sensor}_matrix_sd")
         for i in range(3):
-            across = (f"{math.degrees(matrix[i, j]):+.3f}" for j in range(3) if j != i)
+            across = (f"{'xyz'[j]} {math.degrees(matrix[i, j]):+.3f}" for j in range(3) if j != i)
             rows.append(
                 (
                     f"{sensor} {'xyz'[i]}",
-                    f"{factor * bias[i]:.4f} ± {factor * bias_sd[i]:.4f} {unit}",
-                    f"{100.0 * (matrix[i, i] - 1.0):+.3f} ± {100.0 * sd[i, i]:.3f} %",
-                    " ".join(across),
+                    f"{factor * bias[i]:.4f} ± {factor * bias_sd[i]:.4f} {unit}".replace("-", "−"),
+                    f"{100.0 * (matrix[i, i] - 1.0):+.3f} ± {100.0 * sd[i, i]:.3f} %".replace(
+                        "-", "−"
+                    ),
+                    ", ".join(across).replace("-", "−"),
                 )
             )
     return tuple(rows)

@@ -127,13 +127,15 @@ def sections(
 ) -> tuple[object, ...]:
     """Return what the page shows: every channel before and after, then the recording."""
     from schuler.denoising import allan_effect
-    from schuler.report.sections.noise.denoising import denoising_section
+    from schuler.report.sections.noise.denoising import denoising_section, in_short
     from schuler.report.sections.noise.method_words import shown_name
 
+    effects = {c: allan_effect(imu.channel(c), imu.rate, one) for c, one in found.items()}
     pages = [
         replace(
-            denoising_section(allan_effect(imu.channel(c), imu.rate, one), one, c),
+            denoising_section(effects[c], one, c),
             title=f"De-noising: {shown_name(c)}",
+            summary=in_short(effects) if c == next(iter(found)) else (),
         )
         for c, one in found.items()
     ]

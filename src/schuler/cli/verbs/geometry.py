@@ -57,6 +57,7 @@ def geometry(
     """
     from schuler.arrays.detection.operating import operating_curve
     from schuler.arrays.merit import figures_of_merit
+    from schuler.report.sections.arrays.sensor_arrays import compared_geometries
 
     job = Job(written, inputs=tuple(Path(s) for s in shapes if Path(s).is_file()))
     found: list[FiguresOfMerit] = []
@@ -66,11 +67,12 @@ def geometry(
         found.append(figures_of_merit(one, noise, false_alarm_rate=false_alarm_rate, power=power))
         trial = operating_curve(one, fault, rates=[false_alarm_rate]) if one.redundancy else None
         trials.append(trial)
+    shown: list[object] = [compared_geometries(found, trials)] if len(found) > 1 else []
     told = [f.to_dict() | {"fault": _trial(t)} for f, t in zip(found, trials, strict=True)]
     return job.finish(
         Result(
             title="Geometry of redundant sensors",
-            sections=tuple(found),
+            sections=(*shown, *found),
             show=lambda screen: show_geometries(screen, found, trials),
             json=lambda: {"geometries": told},
             settings={"noise": noise, "fault": fault},
@@ -115,37 +117,11 @@ def show_geometries(
     screen: Screen, found: list[FiguresOfMerit], trials: list[OperatingCurve | None]
 ) -> None:
     """Print the figures of merit side by side, and what cannot be seen or told apart."""
-    import numpy as np
-
-    from schuler.report.numbers import number, percent
+    from schuler.report.numbers import percent
+    from schuler.report.sections.arrays.sensor_arrays import GEOMETRY_COLUMNS, geometry_rows
 
     screen.heading("Geometry of redundant sensors")
-    rows = []
-    for one, trial in zip(found, trials, strict=True):
-        seen = one.minimal_detectable_bias[np.isfinite(one.minimal_detectable_bias)]
-        rows.append(
-            (
-                one.geometry.title,
-                f"{one.geometry.count} (+{one.geometry.redundancy})",
-                number(one.gdop, 4),
-                number(one.anisotropy, 3),
-                number(float(seen.max())) if seen.size else "–",
-                f"{np.degrees(one.smallest_isolation_angle):.1f}°",
-                "–" if trial is None else percent(float(trial.likelihood_power[0])),
-                "–" if trial is None else percent(float(trial.right_axis[0])),
-            )
-        )
-    columns = (
-        "geometry",
-        "axes",
-        "GDOP",
-        "anisotropy",
-        "smallest fault",
-        "apart",
-        "found",
-        "right",
-    )
-    screen.table(columns, rows)
+    screen.table(GEOMETRY_COLUMNS, geometry_rows(found, trials))
     size = next((t.size for t in trials if t is not None), None)
     if size is not None:
         screen.line(

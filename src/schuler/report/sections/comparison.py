@@ -11,6 +11,7 @@ from schuler.report.sections.registry import register
 
 MOST_ROWS = 40
 """Numbers that are shown unasked."""
+MOST_SENTENCES = 2
 
 
 @register
@@ -20,7 +21,13 @@ def comparison_sections(found: ResultComparison) -> tuple[Section, ...]:
     same = comparison_table(found, all_numbers=True)[1][len(rows) :]
     blocks: list[Block] = [Prose(verdict(found))]
     if rows:
-        blocks.append(Table("What differs, most first", columns, rows[:MOST_ROWS]))
+        blocks.append(
+            Table(
+                "What differs: what a result is asked for first, then most first",
+                columns,
+                rows[:MOST_ROWS],
+            )
+        )
     rest = (*rows[MOST_ROWS:], *same)
     if rest:
         blocks.append(Table(f"{len(rest)} more numbers", columns, rest, folded=True))
@@ -30,7 +37,7 @@ def comparison_sections(found: ResultComparison) -> tuple[Section, ...]:
         blocks.append(
             Table("Texts that differ", ("what", *found.names), words, words=all_words, folded=True)
         )
-    return (Section("Comparison", tuple(blocks), (verdict(found),)),)
+    return (Section("Comparison", tuple(blocks), (verdict(found), *_foremost(found))),)
 
 
 def verdict(found: ResultComparison) -> str:
@@ -38,11 +45,16 @@ def verdict(found: ResultComparison) -> str:
     different, total = len(found.different), len(found.numbers)
     if not different:
         return f"All {total} numbers are the same in {', '.join(found.names)}."
-    first = found.different[0]
-    return (
-        f"{different} of {total} numbers differ; most of all {first.key}, by "
-        f"{number(100.0 * first.change)} %."
-    )
+    return f"{different} of {total} numbers differ."
+
+
+def _foremost(found: ResultComparison) -> tuple[str, ...]:
+    """Return the first numbers that differ, with their values."""
+    sentences = []
+    for one in found.different[:MOST_SENTENCES]:
+        each = zip(one.values, found.names, strict=True)
+        sentences.append(f"{one.key}: {', '.join(f'{number(v)} in {who}' for v, who in each)}.")
+    return tuple(sentences)
 
 
 def comparison_table(

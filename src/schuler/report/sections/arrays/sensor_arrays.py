@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from schuler.arrays.detection.fault_log import told_records
 from schuler.arrays.detection.faults import FaultDetection, SensorFaults
+from schuler.arrays.detection.operating import OperatingCurve
 from schuler.arrays.geometry import Geometry
 from schuler.arrays.merit import FiguresOfMerit, figures_of_merit
 from schuler.arrays.synthesis.fused_sensor import FusedSensor
@@ -26,7 +28,7 @@ from schuler.report.blocks import (
 )
 from schuler.report.figures import axis, limits, line, marks
 from schuler.report.makers import log_blocks, plot, remarks
-from schuler.report.numbers import duration, number, percent
+from schuler.report.numbers import MISSING, duration, number, percent
 from schuler.report.sections.registry import register
 from schuler.units import scale
 
@@ -181,6 +183,60 @@ def merit_report(result: FiguresOfMerit) -> tuple[Section, ...]:
     return geometry_sections(result)
 
 
+GEOMETRY_COLUMNS = ("geometry", "axes", "GDOP", "anisotropy", "smallest fault", "apart", "found",
+                    "right")  # fmt: skip
+
+
+def geometry_rows(
+    found: Sequence[FiguresOfMerit], trials: Sequence[OperatingCurve | None]
+) -> tuple[tuple[str, ...], ...]:
+    """Return a row for each geometry."""
+    rows = []
+    for one, trial in zip(found, trials, strict=True):
+        seen = one.minimal_detectable_bias[np.isfinite(one.minimal_detectable_bias)]
+        rows.append(
+            (
+                one.geometry.title,
+                f"{one.geometry.count} (+{one.geometry.redundancy})",
+                number(one.gdop, 4),
+                number(one.anisotropy, 3),
+                number(float(seen.max())) if seen.size else MISSING,
+                f"{np.degrees(one.smallest_isolation_angle):.1f} deg",
+                MISSING if trial is None else percent(float(trial.likelihood_power[0])),
+                MISSING if trial is None else percent(float(trial.right_axis[0])),
+            )
+        )
+    return tuple(rows)
+
+
+def compared_geometries(
+    found: Sequence[FiguresOfMerit], trials: Sequence[OperatingCurve | None]
+) -> Section:
+    """Put geometries beside each other, and say which is best in what."""
+    size = next((t.size for t in trials if t is not None), None)
+    note = (
+        "GDOP: noise of the vector of three, root of the sum of squares, over that of one axis; "
+        "1.732 for three at right angles. Smallest fault: found in one sample with "
+        f"{percent(found[0].power)}. Apart: smallest angle between the traces of two faults."
+    )
+    if size is not None:
+        note += f" Found, right: of steps of {number(size)} deviations on the first axis."
+    quiet = min(found, key=lambda one: one.gdop)
+    said = [f"Least noise: {quiet.geometry.title}, {number(quiet.gdop, 3)} times that of an axis."]
+    watched = [o for o in found if np.isfinite(o.minimal_detectable_bias).all()]
+    if watched:
+        keen = min(watched, key=lambda one: one.minimal_detectable_bias.max())
+        said.append(
+            f"Smallest fault: {keen.geometry.title}, a step of "
+            f"{number(float(keen.minimal_detectable_bias.max()))} deviations on any axis."
+        )
+    blind = [o.geometry.title for o in found if o not in watched]
+    if blind:
+        said.append(f"Faults that nobody sees: {', '.join(blind)}.")
+    table = Table("Beside each other", GEOMETRY_COLUMNS, geometry_rows(found, trials), note=note)
+    return Section("Comparison", (table,), tuple(said))
+
+
 def geometry_sections(figures: FiguresOfMerit, names: tuple[str, ...] = ()) -> tuple[Section, ...]:
     """Return the section of a geometry."""
     geometry = figures.geometry
@@ -200,7 +256,7 @@ def geometry_sections(figures: FiguresOfMerit, names: tuple[str, ...] = ()) -> t
                 if seen.size
                 else "none",
             ),
-            ("Smallest angle between faults", f"{number(angle)}°"),
+            ("Smallest angle between faults", f"{number(angle)} deg"),
         )
     )
     found: tuple[Block, ...] = ()

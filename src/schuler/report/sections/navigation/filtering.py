@@ -45,9 +45,9 @@ def innovation_section(solution: NavigationSolution, spans: Spans) -> Section:
     fixes = innovations.gnss
     if fixes.nis.size:
         sentences = (
-            f"The filter's {fixes.nis.size} updates by GNSS have a mean NIS of "
-            f"{number(fixes.mean_nis)} a degree of freedom (1 is honest); "
-            f"{int(np.count_nonzero(~fixes.accepted))} were kept out by the gate.",
+            f"Of {fixes.nis.size} updates by GNSS {int(np.count_nonzero(~fixes.accepted))} were "
+            "kept out; the others differ from what the filter expected, squared and over what it "
+            f"claimed (NIS), by {number(fixes.mean_nis)} on average: 1 is honest.",
         )
     return Section("Innovations", (table, *grids), sentences)
 
@@ -193,7 +193,7 @@ WITHIN_2_SIGMA = 0.954
 def uncertainty_section(answers: Answers, truth: Trajectory | None, spans: Spans) -> Section:
     """Show claimed standard deviations, with real errors where there is a truth."""
     if truth is None:
-        return Section("Claimed uncertainty", (_claimed(answers, spans),))
+        return Section("Claimed uncertainty", (_claimed(answers, spans),), (_claims(answers),))
     blocks: list[Block] = []
     rows = []
     sentences = []
@@ -314,6 +314,18 @@ def _errors(
     if spans:
         legend.append(LegendItem("without GNSS", "@outage/0.14", "band"))
     return FigureGrid(tuple(figures), tuple(legend))
+
+
+def _claims(answers: Answers) -> str:
+    """Tell what the last answer, the smoothed one where there is one, claims."""
+    name, _, solution = answers[-1]
+    position, attitude = solution.position_sd, np.degrees(solution.attitude_sd)
+    values = (np.hypot(position[:, 0], position[:, 1]), position[:, 2], attitude[:, 2])
+    horizontal, vertical, heading = (number(float(np.median(v)), 2) for v in values)
+    return (
+        f"The {name} answer claims to know the position to {horizontal} m (vertically "
+        f"{vertical} m) and the heading to {heading} deg: one standard deviation, its median."
+    )
 
 
 def _claimed(answers: Answers, spans: Spans) -> FigureGrid:

@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler.navigation.observability_run import RunObservability, observed_states
 from schuler.report.blocks import Facts, FigureGrid, Finding, Findings, LegendItem, Section, Table
-from schuler.report.figures import axis, line, marks
+from schuler.report.figures import axis, limits, line, marks
 from schuler.report.makers import plot
 from schuler.report.numbers import number
 from schuler.report.sections.registry import register
@@ -41,7 +41,7 @@ def observability_sections(result: RunObservability) -> tuple[Section, ...]:
         folded=True,
     )
     title = f"Observability: {result.title}"
-    return (Section(title, (facts, findings, _figures(result), table), (sentences[0],)),)
+    return (Section(title, (facts, findings, _figures(result), table), sentences[:3]),)
 
 
 def _figures(result: RunObservability) -> FigureGrid:
@@ -52,7 +52,7 @@ def _figures(result: RunObservability) -> FigureGrid:
         "Of the total observability matrix, as shares of the largest.",
         (marks(count, relative, "@causal", "singular values", size=5),),
         axis("direction"),
-        axis("share of the largest", log=True),
+        axis("share of the largest", log=True, limits=limits(relative, log=True)),
         height=280,
     )
     information = np.maximum(result.information.information, 1e-12)
@@ -64,7 +64,7 @@ def _figures(result: RunObservability) -> FigureGrid:
             line([1.0, float(relative.size)], [1.0, 1.0], "@model", "prior", dash="dash"),
         ),
         axis("direction"),
-        axis("times the prior", log=True),
+        axis("times the prior", log=True, limits=limits(information, [1.0], log=True)),
         height=280,
     )
     step = max(result.time.size // 400, 1)

@@ -55,7 +55,7 @@ def loss_rows(found: NoiseTuning) -> tuple[tuple[str, ...], list[tuple[str, ...]
         (f"{i.sensor} {i.kind}", *(number(float(loss)) for loss in i.profile_loss))
         for i in found.inflations
     ]
-    return ("noise", *(f"×{number(float(f))}" for f in tried)), rows
+    return ("noise", *(f"×{f:g}" for f in tried)), rows
 
 
 @register
@@ -112,11 +112,15 @@ def _profile(i: NoiseInflation) -> Figure:
 
 
 def _sentences(found: NoiseTuning) -> tuple[str, ...]:
+    told = [i for i in found.inflations if not i.lower <= 1.0 <= i.upper]
+    as_it_is = [f"{i.kind} of the {i.sensor}" for i in found.inflations if i not in told]
     said = [
         f"On this drive the {i.kind} of the {i.sensor} is {number(i.factor)} times that of the "
         f"static log (95 % interval {number(i.lower)} to {number(i.upper)})."
-        for i in found.inflations
+        for i in told
     ]
+    if as_it_is:
+        said.append(f"Nothing speaks against the static log in {', '.join(as_it_is)} (95 %).")
     said.append(
         f"The innovations of GNSS, squared and over their claimed variance, average "
         f"{number(found.nis_before)} with the static numbers and {number(found.nis_after)} with "

@@ -36,8 +36,27 @@ def denoising_section(
     """Show what de-noising did to a signal."""
     blocks: list[Block] = [_curves(effect, name), Findings(remarks(map(spoken, effect.findings())))]
     if denoised is not None:
-        blocks += _levels(denoised)
+        blocks += _levels(denoised, name)
     return Section("De-noising", tuple(blocks), (_KEEP_N,))
+
+
+def in_short(effects: dict[str, AllanEffect]) -> tuple[str, ...]:
+    """Return what became of all channels, for the head of the page."""
+    left = {
+        shown_name(c): float(np.nanmin(e.ratio[e.raw.tau < e.attenuated_below], initial=1.0))
+        for c, e in effects.items()
+    }
+    below, above = (
+        max(getattr(e, name) for e in effects.values())
+        for name in ("attenuated_below", "equal_above")
+    )
+    least = ", ".join(f"{name} {percent(share)}" for name, share in left.items())
+    return (
+        f"Noise shorter than {below:g} s was taken off; of the Allan deviation there are "
+        f"left, at the least: {least}.",
+        f"What lasts longer than {above:g} s is as it was.",
+        _KEEP_N,
+    )
 
 
 def _curves(effect: AllanEffect, name: str) -> FigureGrid:
@@ -80,8 +99,8 @@ def _curves(effect: AllanEffect, name: str) -> FigureGrid:
     )
 
 
-def _levels(found: Denoised) -> tuple[Block, ...]:
-    rate = found.rate
+def _levels(found: Denoised, name: str = "") -> tuple[Block, ...]:
+    rate, (unit, size) = found.rate, unit_of(name)
     rows = []
     for k in range(found.level):
         high, low = 0.5 ** (k + 1), 0.5 ** (k + 2)
@@ -91,8 +110,8 @@ def _levels(found: Denoised) -> tuple[Block, ...]:
             (
                 str(k + 1),
                 band,
-                number(float(found.noise_scales[k])),
-                "all removed" if np.isinf(limit) else number(limit),
+                number(float(found.noise_scales[k]) / size),
+                "all removed" if np.isinf(limit) else number(limit / size),
                 percent(float(found.kept[k])),
             )
         )
@@ -102,8 +121,8 @@ def _levels(found: Denoised) -> tuple[Block, ...]:
         (
             "level",
             f"band in {'Hz' if rate else 'cycles a sample'}",
-            "noise scale (signal)",
-            "threshold (signal)",
+            f"noise scale{unit and f', {unit}'}",
+            f"threshold{unit and f', {unit}'}",
             "kept",
         ),
         tuple(rows),
