@@ -11,7 +11,7 @@ from schuler.data import GnssRecording
 from schuler.errors import InputError
 from schuler.io.clock import GNSS_PACE, check_steps, even_axis, shifted, time_axis
 from schuler.io.columns import GNSS_ROLES, Column, missing
-from schuler.io.gnss_checks import check_motion, held, unfixed
+from schuler.io.gnss_checks import check_motion, check_vertical, held, unfixed
 from schuler.io.options import ReadOptions, choose_columns, unit_of
 from schuler.io.source import Columns, Notes, Source
 from schuler.types import BoolArray, FloatArray
@@ -80,9 +80,12 @@ def gnss_recording(source: Source, options: ReadOptions) -> GnssRecording:
     if "time" in chosen and options.rate is None:
         check_steps(source, chosen["time"], time[keep], rows, GNSS_PACE)
     speed = None if velocity is None else velocity[keep]
-    measured_down = velocity_sd is not None and bool(np.isfinite(velocity_sd[keep][:, 2]).any())
-    measured_down |= table.has("velocity_down") or table.has("velocity_up")
-    check_motion(time[keep], position[keep], speed, measured_down, notes, str(source.path))
+    check_motion(time[keep], position[keep], speed, notes, str(source.path))
+    if speed is not None and (table.has("velocity_down") or table.has("velocity_up")):
+        measured = check_vertical(time[keep], position[keep], speed, str(source.path))
+        if not measured and velocity_sd is not None:
+            notes.assumed("vertical velocity is always 0: taken as not measured")
+            velocity_sd[:, 2] = np.inf
     recording = GnssRecording(
         time[keep],
         position[keep],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schuler.data.vertical_velocity import trouble_of_vertical_velocity
 from schuler.errors import InputError
 from schuler.io.source import Notes
 from schuler.types import BoolArray, FloatArray
@@ -56,14 +57,10 @@ def check_motion(
     time: FloatArray,
     position: FloatArray,
     velocity: FloatArray | None,
-    down: bool,
     notes: Notes,
     where: str,
 ) -> None:
-    """Raise when velocity and positions contradict each other in a way that has a name.
-
-    Parameters `down`: whether a vertical velocity was measured.
-    """
+    """Raise when velocity and positions contradict each other in a way that has a name."""
     if velocity is None or time.size < 8:
         return
     moved, driven = _displacements(time, position, velocity)
@@ -77,8 +74,6 @@ def check_motion(
     plain = _unexplained(driven[:, :2], moved[:, :2])
     if plain > _AGREES:
         _name_the_cause(driven[:, :2], moved[:, :2], position, plain, notes, where)
-    if down:
-        _check_vertical(moved[:, 2], driven[:, 2], where)
 
 
 def _displacements(
@@ -167,17 +162,16 @@ def _hypotheses(moved: FloatArray, position: FloatArray) -> list[tuple[str, str,
     return found
 
 
-def _check_vertical(moved: FloatArray, driven: FloatArray, where: str) -> None:
-    """Raise when the vertical velocity has the other sign than the change of height."""
-    moved, driven = moved - moved.mean(), driven - driven.mean()
-    mm, dd = float(np.sum(moved**2)), float(np.sum(driven**2))
-    md = float(np.sum(moved * driven))
-    if mm <= 0.0 or dd < 0.05 * moved.size:
-        return
-    if md / np.sqrt(mm * dd) < -0.7:
+def check_vertical(
+    time: FloatArray, position: FloatArray, velocity: FloatArray, where: str
+) -> bool:
+    """Return whether a vertical velocity was measured at all; raise when it points up."""
+    trouble = trouble_of_vertical_velocity(time, position[:, 2], velocity)
+    if trouble == "points up":
         raise InputError(
             "vertical velocity has the other sign than the change of height: it points up",
             expected="velocity down, positive downwards",
             cure="say columns={'velocity_up': ...}, or turn the sign in the file",
             where=where,
         )
+    return trouble is None

@@ -86,7 +86,7 @@ def navigate(
         Seconds to add to GNSS time to get IMU time, one for both or position and velocity.
     tune_noise : bool or None, default None
         Whether to scale noise and receiver standard deviations by the likelihood of the drive;
-        None: only when no noise model is given.
+        None: where no noise model is given, or the IMU shakes and the drive contradicts it.
     aiding : sequence of str, default ()
         What is known of the vehicle: "nhc", it has wheels and rolls along its forward axis
         (mounting, place and slip of the rear axle, and pitch of the springs become states);

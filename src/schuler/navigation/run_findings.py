@@ -15,7 +15,7 @@ from schuler.data import Innovations
 from schuler.navigation.aiding.schedule import KIND_NAMES, VEHICLE_VELOCITY, ZERO_VELOCITY
 from schuler.navigation.engine import SampleOutputs
 from schuler.screening.screen import Finding
-from schuler.types import FloatArray
+from schuler.types import FloatArray, IntArray
 
 CONSTRAINTS = KIND_NAMES[VEHICLE_VELOCITY : ZERO_VELOCITY + 1]
 """Kinds of which more than a few refusals are told."""
@@ -206,12 +206,11 @@ def causes(
         return _turning(innovations, time, samples)
     stamp, value, sd = part.time[used], part.value[used], part.sd[used]
     at = np.clip(np.searchsorted(time, stamp), 0, time.size - 1)
-    rotation, velocity = samples.rotation[at], samples.velocity[at]
     # the filter follows what stays: only changes since the fix before show
-    turned, fresh = np.diff(rotation, axis=0), np.diff(stamp) < 10.0
+    turned, fresh = _felt(samples.rotation, at), np.diff(stamp) < 10.0
     value, sd = value[1:][fresh], sd[1:][fresh]
     arm = regression(value, sd, turned[fresh])
-    lag = regression(value, sd, np.diff(velocity, axis=0)[fresh][..., None])
+    lag = regression(value, sd, _felt(samples.velocity, at)[fresh][..., None])
     found = []
     size = float(np.linalg.norm(arm.size))
     if arm.deviations > SURE_CAUSE and size > LEAST_ARM and arm.share > LEAST_SHARE:
@@ -245,6 +244,14 @@ def causes(
     return tuple(found) or _turning(innovations, time, samples)
 
 
+def _felt(values: FloatArray, at: IntArray) -> FloatArray:
+    """Changes that the IMU felt between fixes.
+
+    Not what the filter corrected at the fix: that is in proportion to its innovation.
+    """
+    return np.asarray(values[np.maximum(at[1:] - 1, at[:-1])] - values[at[:-1]])
+
+
 def _turning(
     innovations: Innovations, time: FloatArray, samples: SampleOutputs
 ) -> tuple[Finding, ...]:
@@ -257,10 +264,10 @@ def _turning(
         return ()
     stamp, value, sd = part.time[used], part.value[used, :2], part.sd[used, :2]
     at = np.clip(np.searchsorted(time, stamp), 0, time.size - 1)
-    forward = samples.rotation[at]
+    forward = samples.rotation
     heading = np.unwrap(np.arctan2(forward[:, 1, 0], forward[:, 0, 0]))
     speed = samples.velocity[at][:, :2]
-    turned = np.diff(heading)
+    turned = _felt(heading, at)
     fresh = np.diff(stamp) < 10.0
     # a heading that is wrong by a share of the turn turns the velocity
     across = np.stack([-speed[1:, 1], speed[1:, 0]], axis=1) * turned[:, None]

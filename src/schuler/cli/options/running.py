@@ -34,7 +34,8 @@ class RunOptions:
         Seconds to add to GNSS time to get IMU time: one number, or POSITION,VELOCITY; estimated
         if not given.
     tune_noise : bool, optional
-        Scale the noise by the likelihood of the drive; done only when no noise model is given.
+        Scale the noise by the likelihood of the drive; if not said, it is done where no noise
+        model is given, or the IMU shakes and the drive contradicts it.
     aid : tuple of str
         What is known of the vehicle: nhc, it has wheels and rolls along its forward axis; zupt,
         it does not move while the IMU feels no motion; wheel (with nhc), the vibration of its

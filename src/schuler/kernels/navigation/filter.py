@@ -249,13 +249,19 @@ def judge(f: Filter, kind: int, nis: float, degrees: int) -> bool:
     accepted = degrees > 0 and nis <= rules.gate[degrees]
     forced = not accepted and state.refused[kind] >= rules.patience
     if degrees > 0 and forced and kind < 2:
-        # measurements that keep agreeing with each other are right and the filter is wrong: say
-        # by how much before it is corrected, or the correction would be spread over states that
-        # are right. Nothing is refused again until one fits by itself.
+        # measurements that keep agreeing with each other are right and the filter is wrong, or
+        # what lasts of their errors is another one: say by how much before it is corrected, or
+        # the correction would be spread over states that are right. Nothing is refused again
+        # until one fits by itself.
         accepted = True
         for i in range(3):
-            if math.isfinite(z.variance[i]):
-                state.covariance[3 * kind + i, 3 * kind + i] += z.residual[i] * z.residual[i]
+            if not math.isfinite(z.variance[i]):
+                continue
+            state.covariance[3 * kind + i, 3 * kind + i] += z.residual[i] * z.residual[i]
+            for j in range(9, z.error.size):
+                if kind == 0 and z.design[i, j] != 0.0:
+                    away = z.residual[i] / z.design[i, j]
+                    state.covariance[j, j] += away * away
     elif accepted:
         state.refused[kind] = 0
     else:

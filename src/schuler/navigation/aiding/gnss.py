@@ -17,7 +17,7 @@ from schuler.navigation.aiding.schedule import (
     schedule_rows,
 )
 from schuler.navigation.error_models.sensor_states import SensorErrorModel
-from schuler.types import FloatArray
+from schuler.types import FloatArray, IntArray
 
 NEAREST_POLE = np.radians(89.99)
 """Latitude beyond which the axes north, east, down turn too fast for a run over them."""
@@ -28,6 +28,8 @@ LEAST_WHITE = 0.02
 """Share of a receiver's variance that is white noise at least."""
 SLOW_SHAPE = np.array([1.0, 1.0, 1.5])
 """Slow errors of a receiver north, east and down, by the horizontal ones."""
+APART, FEWEST_CLAIMED, MOST_LEVELS = 3.0, 10, 3
+"""Claims so many times larger, with nothing between, are of another solution (fixed, float)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,7 @@ class CorrelatedGnss:
         )
         return wider, replace(self, place=model.size)
 
-    def applied(self, schedule: AidingSchedule) -> AidingSchedule:
+    def applied(self, schedule: AidingSchedule, claimed: FloatArray) -> AidingSchedule:
         """Return positions whose slow part is a state and whose noise is the rest."""
         slow = (self.sigma * SLOW_SHAPE) ** 2
         white = np.maximum(schedule.variance - slow, LEAST_WHITE * schedule.variance)
@@ -98,9 +100,9 @@ class CorrelatedGnss:
 class GnssErrorModel:
     """Errors of GNSS positions, split into what is white and what lasts, as shares of the claim.
 
-    What a receiver claims is split: states of unit variance are seen with the slow share of it,
-    and follow it from epoch to epoch (fixed, float); the rest is white noise. The sum is the
-    receiver's word unless the drive speaks against it.
+    What a receiver claims is split: states of unit variance are seen with the slow share of it;
+    the rest is white noise. The sum is the receiver's word unless the drive speaks against it.
+    Claims of another level (fixed, float) are of another solution, whose errors are its own.
 
     Parameters
     ----------
@@ -111,9 +113,11 @@ class GnssErrorModel:
     fit : bool
         Whether the innovations of the drive decide on shares and time; they start at these.
     place : int
-        Of the first of its three states (north, east, down); -1: not placed.
+        Of the first of its states (north, east, down of every level); -1: not placed.
     told : bool
         Whether the drive has told more of the slow part than was supposed.
+    bounds : tuple of float
+        Claims between the levels, m; each level has three states.
 
     Examples
     --------
@@ -128,6 +132,7 @@ class GnssErrorModel:
     fit: bool = True
     place: int = -1
     told: bool = False
+    bounds: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (self.white > 0.0 and self.slow >= 0.0 and self.correlation_time > 0.0):
@@ -137,8 +142,10 @@ class GnssErrorModel:
             )
 
     def placed(self, model: SensorErrorModel) -> tuple[SensorErrorModel, GnssErrorModel]:
-        """Return the model with the three states, and this with their place."""
-        names = [f"GNSS error {d}, of its claim" for d in ("north", "east", "down")]
+        """Return the model with the states, and this with their place."""
+        levels = ["of its claim", "of its second claim", "of its third claim"]
+        levels = levels[: len(self.bounds) + 1]
+        names = [f"GNSS error {d}, {level}" for level in levels for d in ("north", "east", "down")]
         wider = model.with_states(names, 1.0, correlation_time=self.correlation_time)
         return wider, replace(self, place=model.size)
 
@@ -157,17 +164,41 @@ class GnssErrorModel:
     def in_model(self, model: SensorErrorModel) -> SensorErrorModel:
         """Return a model in which its states are with another correlation time of theirs."""
         drift, diffusion = model.drift.copy(), model.diffusion.copy()
-        own = slice(self.place, self.place + 3)
+        own = self.places
         drift[own, 0] = -1.0 / self.correlation_time
         diffusion[own, 0] = 2.0 / self.correlation_time
         return replace(model, drift=drift, diffusion=diffusion)
 
-    def applied(self, schedule: AidingSchedule) -> AidingSchedule:
+    @property
+    def places(self) -> IntArray:
+        """All of its states."""
+        return np.arange(self.place, self.place + 3 * (len(self.bounds) + 1))
+
+    def levelled(self, gnss: GnssRecording) -> GnssErrorModel:
+        """Return it with the levels of what a receiver claims; one where they do not lie apart."""
+        assert gnss.position_sd is not None
+        claimed = gnss.position_sd[:, :2].max(axis=1)
+        order = np.sort(claimed[np.isfinite(claimed)])
+        edges = np.flatnonzero(order[1:] > APART * order[:-1]) + 1
+        counts = np.diff(np.concatenate([[0], edges, [order.size]]))
+        bounds = np.sqrt(order[edges] * order[edges - 1])
+        few = counts.min(initial=order.size) < FEWEST_CLAIMED or edges.size >= MOST_LEVELS
+        turns = np.count_nonzero(np.diff(np.searchsorted(bounds, claimed)))
+        if few or turns > order.size / FEWEST_CLAIMED:
+            return self
+        return replace(self, bounds=tuple(bounds.tolist()))
+
+    def states(self, claimed: FloatArray) -> IntArray:
+        """Return the states (n, 3) in which positions with such claimed variances are seen."""
+        level = np.searchsorted(np.square(self.bounds), claimed[:, :2].max(axis=1))
+        return np.asarray(self.place + 3 * level[:, None] + np.arange(3))
+
+    def applied(self, schedule: AidingSchedule, claimed: FloatArray) -> AidingSchedule:
         """Return positions whose slow part is a state and whose noise is the white share."""
         return replace(
             schedule,
             variance=self.white * schedule.variance,
-            offset_state=np.tile(self.place + np.arange(3), (schedule.size, 1)),
+            offset_state=self.states(claimed),
             offset_scale=np.sqrt(self.slow * schedule.variance),
         )
 
@@ -192,7 +223,7 @@ class GnssPosition:
             (sd * self.sd_factor) ** 2,
             lever_arm=_arm(self.lever_arm),
         )
-        return rows if self.slow is None else self.slow.applied(rows)
+        return rows if self.slow is None else self.slow.applied(rows, sd**2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -235,7 +235,7 @@ def prepare_array(
         replace(
             settings,
             lever_arm="estimate" if settings.estimates_arm else settings.arm - fusion.centre,
-            tune_noise=tuned,
+            tune_noise=tuned or settings.tune_noise,
         ),
         progress,
     )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.navigation.engine import FilterRun
-from schuler.types import FloatArray
+from schuler.types import FloatArray, IntArray
 
 SHOWN = 15
 """Numbers of a claim: covariance of position, variances of velocity and of attitude."""
@@ -53,12 +53,12 @@ def shared_errors(
     runs: Sequence[FilterRun],
     blocks: Sequence[NDArray[np.int64]],
     start: FloatArray,
-    lasting: Sequence[int] = (),
+    lasting: Sequence[IntArray] = (),
 ) -> SharedErrors | None:
     """Follow what the runs share; None where their nodes are not the same.
 
     start (k, 9): standard deviations of what the alignments have in common. `lasting`: for each
-    run the first of three states of unit variance, errors of GNSS that are the same in all.
+    run the states of unit variance that are errors of GNSS, the same in all.
     """
     time = runs[0].nodes.time
     if any(run.pieces or not np.array_equal(run.nodes.time, time) for run in runs):
@@ -67,7 +67,7 @@ def shared_errors(
     shared = np.zeros((k, k, size, size))
     nine = np.arange(9)
     shared[:, :, nine, nine] = start[:, None] * start[None, :]
-    own = 9 + np.array(lasting, dtype=np.int64)[:, None] + np.arange(3)
+    own = 9 + np.array(lasting, dtype=np.int64)
     here = np.arange(k)
     if own.size:
         shared[here[:, None, None], here[None, :, None], own[:, None], own[None]] = 1.0

@@ -144,7 +144,7 @@ def run_system(
         blocks = [one.setup.model.layout().block for one in each]
         starts = np.stack([one.start_sd for one in each])
         slow = [one.setup.measurements.correlated for one in each]
-        lasting = [s.place for s in slow if isinstance(s, GnssErrorModel)]
+        lasting = [s.places for s in slow if isinstance(s, GnssErrorModel)]
         shared = shared_errors([one.filter for one in each if one.filter], blocks, starts, lasting)
     solution, votes = average([one.solution for one in each], prepared.array.names, shared)
     return SystemRun(

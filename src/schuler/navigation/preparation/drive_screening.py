@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.data import CHANNELS, GnssRecording, ImuRecording
+from schuler.data.vertical_velocity import trouble_of_vertical_velocity
 from schuler.errors import NavigationError
 from schuler.navigation.preparation.fixes import (
     CONVINCING,
@@ -57,6 +58,8 @@ def screen_drive(
     imu, turns, jumped = _without_jump(imu, gnss, turns)
     findings += jumped
     findings += _clock(turns, time_offset)
+    no_down = _not_measured_down(gnss)
+    findings += no_down
     fixes = screen_fixes(gnss)
     findings += _findings_on_fixes(gnss, fixes)
     findings += _coverage(imu, gnss)
@@ -67,7 +70,24 @@ def screen_drive(
         findings=tuple(findings),
         gaps=gaps,
         wrong_fixes=gnss.time[fixes.wrong].copy() if fixes.wrong.any() else None,
+        no_down=bool(no_down),
     )
+
+
+def _not_measured_down(gnss: GnssRecording) -> list[Finding]:
+    """Say that the vertical velocity was not measured; stop when it points up."""
+    if gnss.velocity is None or gnss.velocity_sd is None or np.isinf(gnss.velocity_sd[:, 2]).all():
+        return []
+    trouble = trouble_of_vertical_velocity(gnss.time, gnss.position[:, 2], gnss.velocity)
+    if trouble == "points up":
+        raise NavigationError(
+            "the vertical velocity of GNSS has the other sign than the change of height",
+            expected="velocity north, east, down: positive where it sinks",
+            cure="turn its sign",
+            where=gnss.name,
+        )
+    text = "the vertical velocity of GNSS is always 0: taken as not measured"
+    return [] if trouble is None else [Finding("vertical velocity", "warning", text)]
 
 
 def find_data_gaps(imu: ImuRecording) -> tuple[DataGap, ...]:

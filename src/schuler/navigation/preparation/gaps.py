@@ -181,6 +181,15 @@ class Restart:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class WorseStretch:
+    """Time on the axis of GNSS in which its positions are no better than some sd (3,), m."""
+
+    begin: float
+    end: float
+    sd: FloatArray  # north, east, down
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class DriveCondition:
     """What a drive suffers from, and how the filter copes."""
 
@@ -189,6 +198,8 @@ class DriveCondition:
     restarts: tuple[Restart, ...] = ()  # in order of time
     # (k,): times of GNSS epochs that are left out, on the axis of GNSS, s
     wrong_fixes: FloatArray | None = None
+    worse: tuple[WorseStretch, ...] = ()
+    no_down: bool = False  # vertical velocity is zero throughout, as one that was not measured
 
     @property
     def first_break(self) -> float:
@@ -196,10 +207,18 @@ class DriveCondition:
         return self.restarts[0].begin if self.restarts else float("inf")
 
     def usable(self, gnss: GnssRecording) -> GnssRecording:
-        """Return the epochs that may be used."""
-        if self.wrong_fixes is None or not self.wrong_fixes.size:
-            return gnss
-        return gnss.select(~np.isin(gnss.time, self.wrong_fixes))
+        """Return the epochs that may be used, with what they can be believed to."""
+        if self.wrong_fixes is not None and self.wrong_fixes.size:
+            gnss = gnss.select(~np.isin(gnss.time, self.wrong_fixes))
+        for part in self.worse:
+            assert gnss.position_sd is not None
+            inside = (gnss.time >= part.begin) & (gnss.time <= part.end)
+            sd = np.where(inside[:, None], np.maximum(gnss.position_sd, part.sd), gnss.position_sd)
+            gnss = replace(gnss, position_sd=sd)
+        if self.no_down:
+            assert gnss.velocity_sd is not None
+            gnss = replace(gnss, velocity_sd=gnss.velocity_sd * [1.0, 1.0, np.inf])
+        return gnss
 
     def noise_scale(
         self, time: FloatArray, scale: FloatArray | None, white_density: FloatArray

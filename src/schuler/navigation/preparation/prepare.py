@@ -9,8 +9,9 @@ from typing import Literal, Unpack
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
-from schuler.errors import InputError, NavigationError
-from schuler.navigation.aiding.gnss import require_overlap, require_possible
+from schuler.errors import NavigationError
+from schuler.navigation.aiding.gnss import GnssErrorModel
+from schuler.navigation.aiding.options import MeasurementOptions
 from schuler.navigation.aiding.vehicle import VehicleConstraint, with_vehicle_states
 from schuler.navigation.error_models.sensor_error_model import (
     generic_noise_model,
@@ -24,11 +25,17 @@ from schuler.navigation.preparation.diagnosis import GYROS_IN_DEGREES, turns_too
 from schuler.navigation.preparation.drive_fit import judge_constraints, require_fit
 from schuler.navigation.preparation.drive_screening import screen_drive
 from schuler.navigation.preparation.felt_lag import find_felt_lag
-from schuler.navigation.preparation.gaps import DriveCondition, align_segments, split_at_gaps
+from schuler.navigation.preparation.gaps import (
+    DriveCondition,
+    WorseStretch,
+    align_segments,
+    split_at_gaps,
+)
 from schuler.navigation.preparation.mounting import estimate_mounting
-from schuler.navigation.preparation.rest import find_initial_rest
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
 from schuler.navigation.preparation.standing import judge_standing
+from schuler.navigation.preparation.usable import check_inputs, from_first_fix
+from schuler.navigation.preparation.worse_stretches import find_worse_stretches, findings_on
 from schuler.navigation.run import run
 from schuler.navigation.settings import (
     NavigationOptions,
@@ -41,8 +48,10 @@ from schuler.navigation.settings import (
 from schuler.navigation.tuning.gnss_errors import fit_split
 from schuler.navigation.tuning.lever_arm import arm_finding, find_lever_arm
 from schuler.navigation.tuning.likelihood import enough_to_tune, find_time_offset, velocity_lag
+from schuler.navigation.tuning.told_noise import contradicting_noise, tuned_after_all
 from schuler.navigation.tuning.tune import Sought, tune
 from schuler.noise.noise_model import NoiseModel
+from schuler.screening.screen import Finding
 
 # seconds around the first guess within which a time offset is looked for: where nothing tells it,
 # and where accelerations do
@@ -112,15 +121,56 @@ def prepare_drive(
     settings: NavigationSettings,
     progress: Progress | None = None,
 ) -> PreparedDrive:
+    """As `prepare`; what the drive contradicts of noise and of GNSS is taken as the drive tells."""
+    done = _with_clocks(imu, gnss, noise_model, settings, progress, NOTHING)
+    known = NOTHING
+    told: tuple[Finding, ...] = ()
+    if settings.tune_noise is None and noise_model is not None:
+        found = contradicting_noise(done.imu, gnss, done.setup)
+        if found is not None:
+            settings = replace(settings, tune_noise=True)
+            # what noise that is too small has made of arm and clocks is looked for anew
+            known = replace(known, rough=found)
+            done = _with_clocks(imu, gnss, noise_model, settings, progress, known)
+            told = (tuned_after_all(done.setup.factors),)
+    worse = find_worse_stretches(done.imu, gnss, done.setup)
+    if worse:
+        # and so is what such fixes have made of them
+        known = replace(known, worse=worse)
+        done = _with_clocks(imu, gnss, noise_model, settings, progress, known)
+        told = (*told, *findings_on(worse))
+    return replace(done, setup=done.setup.telling(*told)) if told else done
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """What a first look at the drive has told."""
+
+    rough: NoiseFactors  # noise for a search that comes before that of the drive is known
+    worse: tuple[WorseStretch, ...] = ()
+
+
+NOTHING = _Known(NoiseFactors(white=np.full(6, 2.0)))
+"""Noise that forgives anything."""
+
+
+def _with_clocks(
+    imu: ImuRecording,
+    gnss: GnssRecording,
+    noise_model: NoiseModel | None,
+    settings: NavigationSettings,
+    progress: Progress | None,
+    known: _Known,
+) -> PreparedDrive:
     """Align, find time offsets, noise and mounting, and the drift of the clocks."""
-    done = _prepare_once(imu, gnss, noise_model, settings, progress)
+    done = _prepare_once(imu, gnss, noise_model, settings, progress, known)
     whole = None
     for _ in range(CLOCK_ROUNDS if settings.estimates_offset else 0):
         drift = find_clock_drift(done.imu, done.setup.condition.usable(gnss), done.setup)
         if drift is None:
             break
         whole = drift if whole is None else replace(whole, share=whole.share + drift.share)
-        done = _prepare_once(whole.corrected(imu), gnss, noise_model, settings, progress)
+        done = _prepare_once(whole.corrected(imu), gnss, noise_model, settings, progress, known)
     return done if whole is None else replace(done, setup=done.setup.telling(whole.finding(imu)))
 
 
@@ -130,13 +180,15 @@ def _prepare_once(
     noise_model: NoiseModel | None,
     settings: NavigationSettings,
     progress: Progress | None,
+    known: _Known,
 ) -> PreparedDrive:
     say = progress or nobody_listens
-    _check_inputs(imu, gnss)
-    known = None if settings.estimates_offset else float(np.max(settings.time_offset))
-    imu, condition = screen_drive(imu, gnss, mounting=settings.mounting, time_offset=known)
+    check_inputs(imu, gnss)
+    offset = None if settings.estimates_offset else float(np.max(settings.time_offset))
+    imu, condition = screen_drive(imu, gnss, mounting=settings.mounting, time_offset=offset)
+    condition = replace(condition, worse=known.worse)
     gnss = condition.usable(gnss)
-    imu = _from_first_fix(imu, gnss)
+    imu = from_first_fix(imu, gnss)
     base = sensor_error_model(
         noise_model or generic_noise_model(),
         turn_on_accel=settings.turn_on_accel,
@@ -149,8 +201,9 @@ def _prepare_once(
         if settings.estimates_offset
         else None
     )
-    start = _Start(gnss, settings, segments, replace(condition, gaps=bridged), felt)
     tuned = noise_model is None if settings.tune_noise is None else settings.tune_noise
+    forgiving = known.rough if tuned else NoiseFactors.none()
+    start = _Start(gnss, settings, segments, replace(condition, gaps=bridged), felt, forgiving)
     say("aligning")
     prepared = start.first(base, imu)
     if not (settings.estimates_offset or tuned):
@@ -159,7 +212,7 @@ def _prepare_once(
         return _finished(replace(prepared, setup=judged), gnss)
     if settings.estimates_offset:
         say("looking for the time offset")
-        prepared = start.with_offset(prepared, tuned)
+        prepared = start.with_offset(prepared)
     say("tuning noise and time offsets" if tuned else "refining the time offsets")
     return _finished(_tuned(prepared, gnss, tuned, say), gnss)
 
@@ -182,7 +235,8 @@ class _Start:
     settings: NavigationSettings
     segments: list[ImuRecording]
     condition: DriveCondition
-    felt: float | None = None
+    felt: float | None
+    forgiving: NoiseFactors
 
     def align_one(
         self, imu: ImuRecording, velocity_offset: float, first: bool, hopeless: float = np.inf
@@ -217,21 +271,25 @@ class _Start:
             alignment,
             self.settings.arm,
             condition=condition,
-            measurements=self.settings.measurements,
+            measurements=self._measurements(),
             settings=self.settings,
         ).with_sensors(base)
         found = PreparedDrive(used, setup)
-        return (
-            found
-            if self.settings.estimates_offset
-            else self._fitting(self._armed(found, setup.model))
-        )
+        if self.settings.estimates_offset:
+            return found
+        return self._fitting(self._armed(found, self.forgiving.applied(setup.model)))
 
-    def with_offset(self, prepared: PreparedDrive, tuned: bool) -> PreparedDrive:
+    def _measurements(self) -> MeasurementOptions:
+        """Those that were asked for, slow errors of GNSS at the levels of what it claims."""
+        told = self.settings.measurements
+        if not isinstance(told.correlated, GnssErrorModel):
+            return told
+        return replace(told, correlated=told.correlated.levelled(self.gnss))
+
+    def with_offset(self, prepared: PreparedDrive) -> PreparedDrive:
         """With the time offset that a coarse search finds."""
         setup = prepared.setup
-        # noise that forgives anything
-        rough = NoiseFactors(white=np.full(6, 2.0)).applied(setup.model) if tuned else setup.model
+        rough = self.forgiving.applied(setup.model)
         part = prepared.imu.between(-np.inf, enough_to_tune(prepared.imu, self.gnss, setup))
         reach = UNKNOWN_OFFSET if self.felt is None else FELT_OFFSET
         rough_setup = replace(setup, model=rough)
@@ -355,38 +413,6 @@ def _aided(prepared: PreparedDrive, gnss: GnssRecording, say: Progress) -> RunSe
         constraints, np.asarray(mounting), setup.model.size, standing=standing
     )
     return replace(setup, model=with_vehicle_states(setup.model, constraints), vehicle=vehicle)
-
-
-def _check_inputs(imu: ImuRecording, gnss: GnssRecording) -> None:
-    if not imu.complete:
-        raise InputError(
-            f"recording '{imu.name}' has only {', '.join(imu.channels)}",
-            expected="three gyros and three accelerometers",
-        )
-    for name in imu.channels:
-        if not np.any(imu.channel(name)):
-            raise InputError(
-                f"{name} of '{imu.name}' is zero throughout",
-                expected="a sensor that is connected",
-                cure="check the columns of the file",
-            )
-    require_possible(gnss)
-    require_overlap(gnss, float(imu.time[0]), float(imu.time[-1]))
-
-
-def _from_first_fix(imu: ImuRecording, gnss: GnssRecording) -> ImuRecording:
-    """Cut what comes before GNSS, unless it is rest, which tells level and biases."""
-    if imu.time[0] >= gnss.time[0] - 2.0:
-        return imu
-    rest = find_initial_rest(imu, gnss)
-    if rest is not None and rest[1] >= gnss.time[0] - 2.0:
-        return imu
-    cut = imu.between(float(gnss.time[0]) - 1.0, np.inf)
-    if cut.size < 100:
-        raise NavigationError(
-            f"only {cut.size} IMU samples after the first GNSS fix", expected="at least 100"
-        )
-    return cut
 
 
 def _given_offsets(time_offset: TimeOffset, gnss: GnssRecording, felt: float | None) -> TimeOffsets:

@@ -178,7 +178,7 @@ class RowTable:
         claimed = self.claimed[own] * factors.position_sd**2
         if isinstance(slow, GnssErrorModel):
             axes = np.arange(3)
-            at, states = own[:, None], slow.place + axes
+            at, states = own[:, None], slow.states(self.claimed[own])
             seen = np.sqrt(slow.slow * claimed)
             residual[own] += (seen + design[at, axes, 9 + states]) * self.sensors[at, states]
             design[at, axes, 9 + states] = -seen
