@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from schuler import NoiseModel, RandomWalk, Scenario, WhiteNoise, prepare, simulate_drive
+from schuler.errors import NavigationError
 from schuler.navigation.preparation.clock_drift import ClockDrift, find_clock_drift
 from schuler.simulation import RTK_FIXED
 
@@ -39,3 +40,13 @@ def test_clocks_that_agree_are_left_alone() -> None:
     assert not [f for f in setup.condition.findings if f.kind == "clock drift"]
     moved = ClockDrift(1e-4, 100.0).corrected(ready)
     assert np.diff(moved.time).mean() == pytest.approx(np.diff(ready.time).mean() * 1.0001)
+
+
+@pytest.mark.parametrize("jump", [0.2, -0.1])
+def test_a_latency_that_changes_is_no_drift(jump: float) -> None:
+    drive = simulate_drive(Scenario("car_urban", MODEL, RTK_FIXED, duration=300.0), seed=6)
+    imu, gnss = drive.imus[0], drive.gnss
+    kept = gnss.select((gnss.time < 140.0) | (gnss.time > 141.0))
+    later = replace(kept, time=kept.time + np.where(kept.time > 140.5, jump, 0.0))
+    with pytest.raises(NavigationError, match=f"by {abs(jump):.1f}. s at about 1[2-6]"):
+        prepare(imu, later, MODEL)

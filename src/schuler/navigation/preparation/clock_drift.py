@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.errors import NavigationError
 from schuler.navigation.innovation_likelihood import slower_imu, thin
 from schuler.navigation.preparation.setup import RunSetup, TimeOffsets
-from schuler.navigation.run_findings import FEWEST_FIXES, SURE_CAUSE, regression
+from schuler.navigation.run_findings import FEWEST_FIXES, SURE_CAUSE, Dependence, regression
 from schuler.navigation.tuning.likelihood import innovations
 from schuler.screening.screen import Finding
+from schuler.types import FloatArray
 
 INTERVAL = 2.0
 """Seconds between fixes that judge: what stamps do adds up over them."""
@@ -26,6 +28,10 @@ LEAST_LATE = 0.003
 """Seconds at the ends of a drive below which stamps are left alone."""
 MOST = 1e-3
 """Share that no clock is off by."""
+GRID, MARGIN = 10.0, 30.0
+"""Seconds between moments that are tried for a jump, and from the ends of a drive."""
+LEAST_JUMP, PLAINER = 0.02, 1.15
+"""Seconds, and how much more of the innovations a jump has to explain than a drift."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +62,7 @@ def find_clock_drift(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) ->
     """Return the drift that the innovations of a drive show, where they are sure of one.
 
     What a time offset does to each innovation is told by a second run with another one; a drift
-    does so in proportion to the time from the middle.
+    does so in proportion to the time from the middle. Raises where stamps jump instead.
     """
     slow, fixes = slower_imu(imu), [thin(gnss, INTERVAL)]
     if fixes[0].size < FEWEST_FIXES:
@@ -67,16 +73,54 @@ def find_clock_drift(imu: ImuRecording, gnss: GnssRecording, setup: RunSetup) ->
     moved = innovations(slow, fixes, replace(setup, offsets=late))
     # a fix near a break may be met by one of them only
     _, one, other = np.intersect1d(base.key, moved.key, return_indices=True)
-    value, variance, time = base.value[one], base.variance[one], base.time[one]
-    effect = (moved.value[other] - value) / STEP
+    seen = _Seen(
+        base.value[one],
+        np.sqrt(base.variance[one]),
+        base.time[one],
+        (moved.value[other] - base.value[one]) / STEP,
+    )
     about = float(0.5 * (gnss.time[0] + gnss.time[-1]))
-    drift = effect * (time - about)
-    # what a constant offset does is no drift
-    weight = effect / variance
-    drift -= effect * float((weight * drift).sum() / max((weight * effect).sum(), 1e-12))
-    found = regression(value[:, None], np.sqrt(variance)[:, None], drift[:, None, None])
-    share = float(found.size[0])
+    drift = seen.regression(seen.time - about)
+    share = float(drift.size[0])
     reach = abs(share) * float(gnss.time[-1] - about)
-    if found.deviations < SURE_CAUSE or reach < LEAST_LATE or abs(share) > MOST:
+    if drift.deviations < SURE_CAUSE or reach < LEAST_LATE:
         return None
-    return ClockDrift(share, about)
+    _require_no_jump(seen, gnss, drift.share)
+    return None if abs(share) > MOST else ClockDrift(share, about)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """Innovations (k,), their standard deviations and times, and what a second of offset does."""
+
+    value: FloatArray
+    sd: FloatArray
+    time: FloatArray
+    effect: FloatArray
+
+    def regression(self, shape: FloatArray) -> Dependence:
+        """How they hang on an offset that changes like this; what a constant one does is none."""
+        shown, weight = self.effect * shape, self.effect / self.sd**2
+        constant = float((weight * shown).sum() / max((weight * self.effect).sum(), 1e-12))
+        shown = shown - constant * self.effect
+        return regression(self.value[:, None], self.sd[:, None], shown[:, None, None])
+
+
+def _require_no_jump(seen: _Seen, gnss: GnssRecording, share: float) -> None:
+    """Stop where a jump of the stamps explains far more than a drift (its share) does."""
+    moments = np.arange(gnss.time[0] + MARGIN, gnss.time[-1] - MARGIN, GRID)
+    if not moments.size:
+        return
+    found = [seen.regression((seen.time > t).astype(np.float64)) for t in moments]
+    best = int(np.argmax([one.share for one in found]))
+    jump, moment = float(found[best].size[0]), float(moments[best])
+    if found[best].share < PLAINER * share or abs(jump) < LEAST_JUMP:
+        return
+    raise NavigationError(
+        f"the clocks of IMU and GNSS jump against each other by {abs(jump):.2f} s at about "
+        f"{moment:.0f} s, by the innovations before and after it",
+        expected="one time axis for the whole drive",
+        cure=f"put the stamps right, or cut both recordings at {moment:.0f} s and navigate the "
+        "parts by themselves",
+        where=gnss.name,
+    )
