@@ -43,20 +43,23 @@ def run_in_segments(
     if not restarts:
         return run_engine(imu, initial, model, schedule, white_scale=white_scale, **options)
     runs: list[FilterRun] = []
-    spans: list[float] = []
+    breaks: list[FloatArray] = []
     end = 0.0
     for part in split_at_restarts(imu, initial, restarts, schedule, white_scale):
         begin = part.start
-        if runs:
-            spans.append(float(part.imu.time[0] - end))
-            begin = _carried(begin, runs[-1].final, model, spans[-1])
+        if runs and begin.sensors_anew:
+            breaks.append(np.zeros((model.size, model.size)))
+        elif runs:
+            full, noise = sensor_step(model, float(part.imu.time[0] - end))
+            breaks.append(full)
+            begin = _carried(begin, runs[-1].final, full, noise)
         end = float(part.imu.time[-1])
         runs.append(
             run_engine(
                 part.imu, begin, model, part.schedule, white_scale=part.white_scale, **options
             )
         )
-    return _joined(runs, model, spans)
+    return _joined(runs, model, breaks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,17 +151,16 @@ def _matrix(rows: FloatArray, block: NDArray[np.int64]) -> FloatArray:
 
 
 def _carried(
-    start: InitialState, final: InitialState, model: SensorErrorModel, span: float
+    start: InitialState, final: InitialState, full: FloatArray, noise: FloatArray
 ) -> InitialState:
     """Navigation from the alignment, sensor states from the end of the segment before."""
-    full, noise = sensor_step(model, span)
     covariance = np.zeros_like(start.covariance)
     covariance[:9, :9] = start.covariance[:9, :9]
     covariance[9:, 9:] = full @ final.covariance[9:, 9:] @ full.T + noise
     return replace(start, sensor_state=full @ final.sensor_state, covariance=covariance)
 
 
-def _joined(runs: list[FilterRun], model: SensorErrorModel, spans: list[float]) -> FilterRun:
+def _joined(runs: list[FilterRun], model: SensorErrorModel, breaks: list[FloatArray]) -> FilterRun:
     """One run that keeps its segments for the smoother."""
     s = 9 + model.size
     none = NodeOutputs.empty(0, 0, s, runs[0].nodes.transition.shape[2])
@@ -181,5 +183,5 @@ def _joined(runs: list[FilterRun], model: SensorErrorModel, spans: list[float]) 
         log_likelihood=float(sum(r.log_likelihood for r in runs)),
         final=runs[-1].final,
         pieces=tuple(runs),
-        breaks=tuple(sensor_step(model, span)[0] for span in spans),
+        breaks=tuple(breaks),
     )

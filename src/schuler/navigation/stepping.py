@@ -58,6 +58,8 @@ class InitialState:
         Sensor error states, SI.
     covariance : (9 + m, 9 + m) ndarray
         Of position (m), velocity (m/s), attitude (rad), sensor states.
+    sensors_anew : bool
+        Where a run begins anew: whether nothing that was learnt of the sensors holds any more.
 
     Examples
     --------
@@ -74,6 +76,7 @@ class InitialState:
     rotation: FloatArray
     sensor_state: FloatArray
     covariance: FloatArray
+    sensors_anew: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

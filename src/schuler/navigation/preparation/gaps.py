@@ -178,6 +178,7 @@ class Restart:
     begin: float  # last moment before, s; what is measured in between is not used.
     time: float  # first sample of what follows, s
     alignment: Alignment  # attitude and velocity there
+    knocked: bool = False  # whether the IMU is another one from there on
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,6 +200,7 @@ class DriveCondition:
     # (k,): times of GNSS epochs that are left out, on the axis of GNSS, s
     wrong_fixes: FloatArray | None = None
     worse: tuple[WorseStretch, ...] = ()
+    knocks: tuple[float, ...] = ()  # moments at which the IMU became another one, s
     no_down: bool = False  # vertical velocity is zero throughout, as one that was not measured
 
     @property
@@ -238,6 +240,11 @@ BRIDGED_TURN = np.radians(10.0)
 """Standard deviation of a turn up to which it is bridged, rad."""
 SHORTEST_SEGMENT = 5.0
 """Seconds; what is shorter between two breaks is left out."""
+
+
+def knock_gap(moment: float, unsure: float) -> DataGap:
+    """The stretch before a knock was noticed, after which the filter begins anew."""
+    return DataGap(moment - unsure, moment, np.ones(6, dtype=bool), np.full(6, np.inf), True)
 
 
 def split_at_gaps(
@@ -294,8 +301,10 @@ def align_segments(
         if start is None:
             start = found
         else:
-            restarts.append(Restart(float(used[-1].time[-1]), begin, found))
-            findings.append(_started_anew(begin, found))
+            before = float(used[-1].time[-1])
+            knocked = any(before < t <= begin for t in condition.knocks)
+            restarts.append(Restart(before, begin, found, knocked))
+            findings.append(_started_anew(begin, found, knocked=knocked))
         used.append(segment)
     if start is None:
         assert failure is not None
@@ -316,12 +325,15 @@ def _left_out(begin: float, end: float, error: NavigationError) -> Finding:
     )
 
 
-def _started_anew(begin: float, found: Alignment) -> Finding:
+def _started_anew(begin: float, found: Alignment, *, knocked: bool) -> Finding:
+    sensor = (
+        "what it knew of the sensor is gone" if knocked else "what it knows of the sensor goes on"
+    )
     return Finding(
         "new start",
         "info",
         f"the filter starts anew at {begin:.3f} s, {found.method}; heading within "
-        f"{np.degrees(found.heading_sd):.1f} deg; what it knows of the sensor goes on",
+        f"{np.degrees(found.heading_sd):.1f} deg; {sensor}",
         (),
         ((begin, begin),),
     )

@@ -29,7 +29,18 @@ from schuler.navigation.preparation.gaps import (
     DriveCondition,
     WorseStretch,
     align_segments,
+    knock_gap,
     split_at_gaps,
+)
+from schuler.navigation.preparation.knocks import (
+    LEAST_PROMISE,
+    MARGIN,
+    UNSURE,
+    begun_anew,
+    explains,
+    finding_on,
+    moment_of_knock,
+    squares_of,
 )
 from schuler.navigation.preparation.mounting import estimate_mounting
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup, TimeOffsets
@@ -57,6 +68,7 @@ from schuler.screening.screen import Finding
 # and where accelerations do
 UNKNOWN_OFFSET, FELT_OFFSET = 1.0, 0.3
 CLOCK_ROUNDS = 2
+MOST_KNOCKS = 2
 ALIGNED_WITHIN = 0.1
 """Change of the offset (s) that needs no other alignment."""
 
@@ -139,6 +151,20 @@ def prepare_drive(
         known = replace(known, worse=worse)
         done = _with_clocks(imu, gnss, noise_model, settings, progress, known)
         told = (*told, *findings_on(worse))
+    for _ in range(MOST_KNOCKS):
+        before = squares_of(done.imu, gnss, done.setup)
+        moment = moment_of_knock(before, gnss, done.setup)
+        if moment is None or any(abs(moment - t) < MARGIN for t in known.knocks):
+            break
+        trial = begun_anew(done.imu, gnss, done.setup, moment)
+        if trial is None or not explains(before, squares_of(done.imu, gnss, trial), LEAST_PROMISE):
+            break
+        again = replace(known, knocks=tuple(sorted((*known.knocks, moment))))
+        knocked = _with_clocks(imu, gnss, noise_model, settings, progress, again)
+        if not explains(before, squares_of(knocked.imu, gnss, knocked.setup)):
+            break
+        known, done = again, knocked
+        told = (*told, finding_on(moment))
     return replace(done, setup=done.setup.telling(*told)) if told else done
 
 
@@ -148,6 +174,7 @@ class _Known:
 
     rough: NoiseFactors  # noise for a search that comes before that of the drive is known
     worse: tuple[WorseStretch, ...] = ()
+    knocks: tuple[float, ...] = ()
 
 
 NOTHING = _Known(NoiseFactors(white=np.full(6, 2.0)))
@@ -186,7 +213,7 @@ def _prepare_once(
     check_inputs(imu, gnss)
     offset = None if settings.estimates_offset else float(np.max(settings.time_offset))
     imu, condition = screen_drive(imu, gnss, mounting=settings.mounting, time_offset=offset)
-    condition = replace(condition, worse=known.worse)
+    condition = replace(condition, worse=known.worse, knocks=known.knocks)
     gnss = condition.usable(gnss)
     imu = from_first_fix(imu, gnss)
     base = sensor_error_model(
@@ -195,7 +222,10 @@ def _prepare_once(
         turn_on_gyro=settings.turn_on_gyro,
         interval=float(np.median(np.diff(imu.time))),
     )
-    segments, bridged = split_at_gaps(imu, condition.gaps)
+    breaks = [knock_gap(t, UNSURE) for t in known.knocks]
+    segments, bridged = split_at_gaps(
+        imu, sorted([*condition.gaps, *breaks], key=lambda gap: gap.start)
+    )
     felt = (
         find_felt_lag(max(segments, key=lambda part: part.duration), gnss)
         if settings.estimates_offset

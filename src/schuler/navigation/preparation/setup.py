@@ -183,10 +183,13 @@ class RunSetup:
     def restarts(self, gnss: GnssRecording) -> list[tuple[float, InitialState]]:
         """Return where the filter begins anew, and with what."""
         return [
-            (r.time, self._state_at(r.time, r.alignment, gnss)) for r in self.condition.restarts
+            (r.time, self._state_at(r.time, r.alignment, gnss, anew=r.knocked))
+            for r in self.condition.restarts
         ]
 
-    def _state_at(self, time: float, start: Alignment, gnss: GnssRecording) -> InitialState:
+    def _state_at(
+        self, time: float, start: Alignment, gnss: GnssRecording, *, anew: bool = False
+    ) -> InitialState:
         """Position of the nearest fix, the rest from an alignment."""
         gnss, model = self.condition.usable(gnss), self.model
         near = int(np.argmin(np.abs(gnss.time + self.offsets.position - time)))
@@ -207,7 +210,7 @@ class RunSetup:
         )
         covariance[9:, 9:] = model.initial_covariance
         state = np.zeros(model.size)
-        if self.sensor_start is not None:
+        if self.sensor_start is not None and not anew:
             known = self.sensor_start.state.size
             state[:known] = self.sensor_start.state
             covariance[9 : 9 + known, 9 : 9 + known] = self.sensor_start.covariance
@@ -222,6 +225,7 @@ class RunSetup:
             rotation=start.rotation,
             sensor_state=state,
             covariance=covariance,
+            sensors_anew=anew,
         )
 
     def to_dict(self) -> dict[str, Any]:
