@@ -139,8 +139,8 @@ SUBJECTS = {
     "allan_family": Subject(
         "Its relatives", ("allan_family",), family,
         "The total kinds of allantools grow with the square of the record, so they are compared on "
-        "a short one. Ours take every other window or fewer there: the answers differ by a fraction "
-        "of what the record leaves open.",
+        "a short one. Ours leave out some of their windows: the answers differ by a fraction of "
+        "what the record leaves open.",
     ),
     "spectrum": Subject("Spectrum and autocorrelation", ("spectrum", "--seeds", "1"), spectrum),
     "autoregressive": Subject("Autoregressive models", ("autoregressive",), autoregressive),
