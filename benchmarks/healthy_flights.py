@@ -28,7 +28,7 @@ from schuler.arrays.calibration.calibrate import calibrate_array
 from schuler.arrays.calibration.result import ArrayCalibration
 from schuler.arrays.detection.fault_log import FaultRecord
 from schuler.arrays.detection.faults import detect_faults
-from schuler.arrays.detection.preparation import prepare_detection
+from schuler.arrays.detection.calibrated_parts import prepare_by_parts
 from schuler.arrays.read import read_array
 from schuler.data import ImuArray
 
@@ -39,7 +39,7 @@ SIZES = {"gyro": np.radians(2.0), "accel": 0.5}
 
 
 def excluded(array: ImuArray, board: ArrayCalibration | None) -> list[FaultRecord]:
-    ready = prepare_detection(array, calibration=board)
+    ready = prepare_by_parts(array, calibration=board)
     found = detect_faults(ready.array, ready.settings)
     return [r for r in found.records if r.kind != "missing"]
 

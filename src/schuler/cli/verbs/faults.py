@@ -98,9 +98,9 @@ def _sample_by_sample(
 ) -> Result:
     """Test every sample and its means against the noise."""
     from schuler.arrays.calibration.result import ArrayCalibration
+    from schuler.arrays.detection.calibrated_parts import prepare_by_parts
     from schuler.arrays.detection.fault_settings import FaultSettings
     from schuler.arrays.detection.faults import detect_faults
-    from schuler.arrays.detection.preparation import prepare_detection
     from schuler.arrays.tracking import OnlineSettings
 
     array = load_array(files, None, reading.options(), options.clocks)
@@ -115,7 +115,7 @@ def _sample_by_sample(
     with working("Looking for faults"):
         path = options.calibration
         board = None if path is None else ArrayCalibration.load(path)
-        ready = prepare_detection(array, settings, calibration=board)
+        ready = prepare_by_parts(array, settings, calibration=board)
         found = detect_faults(ready.array, ready.settings)
         found = replace(found, limits=(*ready.notes, *found.limits))
     used = {

@@ -13,11 +13,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from schuler.arrays.detection.calibrated_parts import prepare_by_parts
 from schuler.arrays.detection.fault_log import FaultRecord
 from schuler.arrays.detection.fault_settings import FaultSettings
 from schuler.arrays.detection.faults import SensorFaults, detect_faults
-from schuler.arrays.detection.preparation import prepare_detection
 from schuler.arrays.lever_arms import arm_coefficients, turning_tensor
+from schuler.arrays.redundant import TITLES
 from schuler.arrays.synthesis.least_squares import least_squares
 from schuler.arrays.tracking import RECALL
 from schuler.data import ImuArray
@@ -37,6 +38,8 @@ SHOWS, LARGEST_CLIP = 20.0, 50.0
 """Deviations of the wander that a clipped sample may show, and of a sample at most."""
 BIAS_MEMORY = 100.0
 """Seconds over which the differences of biases are followed, if nothing else is said."""
+SEEN = 8.0
+"""Seconds after a fault was noticed in which its size is measured."""
 MARGIN = 0.2
 """Seconds before the likeliest onset from which a sensor is not used."""
 
@@ -47,15 +50,37 @@ class SensorAbsence:
 
     record: FaultRecord  # when it was noticed, by what, and when it was let back in
     onset: float  # from when on it was not used, s
+    size: float | None = None  # what it was off by meanwhile, rad/s or m/s²
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain Python for JSON."""
-        return self.record.to_dict() | {"onset_s": self.onset, "text": self.text}
+        return self.record.to_dict() | {
+            "onset_s": self.onset,
+            "size_while_out": self.size,
+            "text": self.text,
+        }
 
     @property
     def text(self) -> str:
         """One line for people."""
-        return f"{self.record.text}; not used from {self.onset:.2f} s"
+        from schuler.units import format_value
+
+        r = self.record
+        title = TITLES[r.sensor]
+        who = f"{title} of {r.name}" if r.kind == "unit" else f"{title.removesuffix('s')} {r.name}"
+        until = "to the end" if r.stop is None else f"to {r.stop:.2f} s"
+        size, so_far = (r.size, " so far") if self.size is None else (self.size, "")
+        off = ""
+        if size is not None:
+            kind = "angular rate" if r.sensor == "gyro" else "acceleration"
+            off = f"off by {format_value(size, kind, digits=3)}{so_far}, "
+        shown = f"F = {r.statistic:.0f} over {r.threshold:.0f}"
+        if r.time_constant is not None:
+            shown += f" in {r.time_constant:g} s means"
+        return (
+            f"{who} was not used from {self.onset:.2f} s {until}: {off}noticed at {r.start:.2f} s "
+            f"({shown})"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +143,7 @@ def find_array_faults(array: ImuArray, models: Sequence[SensorErrorModel] = ()) 
     navigated with as it is, which is said. Axes that are not what the mounting says raise.
     """
     try:
-        ready = prepare_detection(array, settings_for(models, array.rate))
+        ready = prepare_by_parts(array, settings_for(models, array.rate))
         found = detect_faults(ready.array, ready.settings, causal=False)
     except EstimationError as error:
         return ArrayFaults(notes=(f"faults of sensors were not looked for: {error}",))
@@ -136,7 +161,8 @@ def find_array_faults(array: ImuArray, models: Sequence[SensorErrorModel] = ()) 
         for tested, record in blamed:
             axes = _axes(tested, record)
             onset = fault_onset(tested, axes, record, turning)
-            taken_out.append(SensorAbsence(record, onset))
+            size = fault_size(tested, axes, record, onset, turning)
+            taken_out.append(SensorAbsence(record, onset, size))
             stop = np.inf if record.stop is None else record.stop
             kind = 0 if sensors.sensor == "accel" else 1
             absences.append(Absence(kind, _columns(array, tested, axes), onset, stop))
@@ -283,19 +309,55 @@ def fault_onset(
     sensors: SensorFaults, axes: list[int], record: FaultRecord, turning: FloatArray | None
 ) -> float:
     """Return when a fault began: the likeliest start of a step or a ramp in what it was off by."""
-    followed, noticed = sensors.followed, record.start
-    of = followed.sensors
-    first, last = np.searchsorted(of.time, [noticed - LOOK_BACK, noticed + 1e-9])
-    block = max(followed.block, 1)
+    noticed = record.start
+    first, last = np.searchsorted(
+        sensors.followed.sensors.time, [noticed - LOOK_BACK, noticed + 1e-9]
+    )
     usual = noticed - max(1.0, 2.0 * (record.time_constant or 0.5))
-    others = (followed.usage[first // block : last // block + 1] == 0).all(axis=0)
-    x = of.measurements[first:last]
-    if of.sensor == "accel" and turning is not None:
-        x = x - turning[first:last] @ arm_coefficients(of.axes, of.arms)
-    variance = np.median(followed.variance, axis=0)
-    off = against_others(x, of.axes, axes, others, variance)
-    found = None if off is None else onset_of(off, of.time[first:last], block)
+    off = _off(sensors, axes, slice(first, last), turning)
+    time, block = sensors.followed.sensors.time[first:last], max(sensors.followed.block, 1)
+    found = None if off is None else onset_of(off, time, block)
     return (usual if found is None else found) - MARGIN
+
+
+def fault_size(
+    sensors: SensorFaults,
+    axes: list[int],
+    record: FaultRecord,
+    onset: float,
+    turning: FloatArray | None,
+) -> float | None:
+    """Return what a sensor was off by while it was out, against what it was before."""
+    time = sensors.followed.sensors.time
+    stop = time[-1] if record.stop is None else record.stop
+    # it was well for some time before it was let back in
+    ends = [onset - LOOK_BACK, onset, record.start, min(record.start + SEEN, stop)]
+    before, begin, first, last = (int(i) for i in np.searchsorted(time, ends))
+    usual = _off(sensors, axes, slice(before, begin), turning)
+    off = _off(sensors, axes, slice(first, last), turning)
+    if off is None or usual is None or min(len(off), len(usual)) < 4:
+        return None
+    off = off - np.nanmedian(usual, axis=0)
+    level, size = np.nanmedian(off, axis=0), np.sqrt(np.nanmean(off**2, axis=0))
+    worst = int(np.argmax(np.nan_to_num(size)))
+    # one that is stuck is off by what moves
+    steady = abs(level[worst]) > 0.5 * size[worst]
+    return float(level[worst] if steady else size[worst])
+
+
+def _off(
+    sensors: SensorFaults, axes: list[int], rows: slice, turning: FloatArray | None
+) -> FloatArray | None:
+    """What some axes are off by in some rows against those in use there."""
+    followed = sensors.followed
+    of, block = followed.sensors, max(followed.block, 1)
+    if rows.stop <= rows.start:
+        return None
+    others = (followed.usage[rows.start // block : rows.stop // block + 1] == 0).all(axis=0)
+    x = of.measurements[rows]
+    if of.sensor == "accel" and turning is not None:
+        x = x - turning[rows] @ arm_coefficients(of.axes, of.arms)
+    return against_others(x, of.axes, axes, others, np.median(followed.variance, axis=0))
 
 
 def against_others(

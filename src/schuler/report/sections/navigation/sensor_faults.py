@@ -23,7 +23,7 @@ def sensor_fault_sections(told: dict[str, Any], begin: float, end: float) -> tup
     blocks: tuple[Block, ...] = (Findings(said),) if said else ()
     if out or silent:
         blocks = (*blocks, _time_line(told, begin, end))
-    names = list(dict.fromkeys(f["name"] for f in out))
+    names = list(dict.fromkeys(_who(f) for f in out))
     sentence = "All sensors of the array were used throughout."
     if names:
         sentence = f"The filter did without {', '.join(names)} while faulty."
@@ -32,14 +32,18 @@ def sensor_fault_sections(told: dict[str, Any], begin: float, end: float) -> tup
     return (Section("Sensors in use", blocks, (sentence,)),)
 
 
+def _who(fault: dict[str, Any]) -> str:
+    return f"{TITLES[fault['sensor']]} {fault['name']}"
+
+
 def _time_line(told: dict[str, Any], begin: float, end: float) -> FigureGrid:
     """One line for each IMU and kind of sensor that was out for a while."""
     rows: dict[str, list[tuple[float, float, str, str]]] = {}
     for fault in told["taken_out"]:
-        name = f"{fault['name']} {TITLES[fault['sensor']]}"
+        name = _who(fault)
         stop = end if fault["stop_s"] is None else min(fault["stop_s"], end)
         bars = rows.setdefault(name, [])
-        bars.append((fault["onset_s"], fault["start_s"], "@walk", "not noticed yet"))
+        bars.append((fault["onset_s"], fault["start_s"], "@white", "not noticed yet"))
         bars.append((fault["start_s"], stop, "@error", "faulty"))
     for gap in told["silent"]:
         rows.setdefault(gap["name"], []).append((gap["start_s"], gap["stop_s"], "@soft", "silent"))
@@ -63,8 +67,8 @@ def _time_line(told: dict[str, Any], begin: float, end: float) -> FigureGrid:
     )
     legend = (
         LegendItem("in use", "@good"),
-        LegendItem("out, back to the onset", "@walk"),
+        LegendItem("out, back to the onset", "@white"),
         LegendItem("out since it was noticed", "@error"),
-        LegendItem("silent", "@soft"),
+        *((LegendItem("silent", "@soft"),) if told["silent"] else ()),
     )
     return FigureGrid((figure,), legend, columns=1)
