@@ -61,6 +61,18 @@ class SlowAxes(Exportable):
         Standard deviations.
     delay, delay_sd : (b, k) ndarray
         Seconds by which the values of an IMU lag behind its stamps, against most of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler import ImuArray, Mounting, SlowAxes, follow_axes
+    >>> rng, time = np.random.default_rng(1), np.arange(3_000) / 50.0
+    >>> rate = np.stack([np.sin(f * time) for f in (2.3, 3.1, 4.7)], axis=1)[:, None]
+    >>> gyro = np.repeat(rate, 3, axis=1) + 1e-3 * rng.standard_normal((3_000, 3, 3))
+    >>> array = ImuArray(time, gyro, np.ones_like(gyro), Mounting.aligned(3))
+    >>> _, found = follow_axes(array)
+    >>> isinstance(found, SlowAxes), found.turn.shape[1:]
+    (True, (3, 3))
     """
 
     names: tuple[str, ...]
