@@ -26,9 +26,9 @@ import numpy as np
 
 from schuler.arrays.calibration.calibrate import calibrate_array
 from schuler.arrays.calibration.result import ArrayCalibration
+from schuler.arrays.detection.calibrated_parts import prepare_by_parts
 from schuler.arrays.detection.fault_log import FaultRecord
 from schuler.arrays.detection.faults import detect_faults
-from schuler.arrays.detection.calibrated_parts import prepare_by_parts
 from schuler.arrays.read import read_array
 from schuler.data import ImuArray
 
