@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.data import GnssRecording, ImuRecording
+from schuler.navigation.innovation_likelihood import slower_imu, thin
 from schuler.navigation.preparation.setup import NoiseFactors, RunSetup
-from schuler.navigation.tuning.likelihood import enough_to_tune
+from schuler.navigation.tuning.likelihood import enough_to_tune, innovations
 from schuler.navigation.tuning.tune import Sought, tune
 from schuler.screening.screen import Finding
 from schuler.types import FloatArray
@@ -22,6 +23,8 @@ LEAST_SCATTER = 2.0
 """Mean squares of differences over those of the model's white noise: less is motion."""
 LEAST_GAIN = 15.0
 """Nats; drives whose noise was told rightly gain 6 at most (ten parameters, thinned runs)."""
+CONTRADICTING = 1.3
+"""Mean normalised square of the innovations; what fits better need not be asked."""
 FEWEST_FIXES = 20
 NOISE = ("white", "drive", "vibration")
 
@@ -41,6 +44,9 @@ def contradicting_noise(
     gnss = setup.condition.usable(gnss)
     shaken = np.any(scatter(imu, setup.model.white_density) > LEAST_SCATTER)
     if not shaken or gnss.size < FEWEST_FIXES:
+        return None
+    slow = slower_imu(imu)
+    if innovations(slow, [thin(gnss, 1.0)], setup).misfit < CONTRADICTING:
         return None
     until = enough_to_tune(imu, gnss, setup)
     free = Sought("channels", offsets=False, until=until)
