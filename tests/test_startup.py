@@ -37,8 +37,8 @@ HELP = "from schuler.cli import main; assert main() == 0"
     [
         (["--help"], 2.5),
         (["--version"], 2.5),
-        (["characterize", "--help"], 5.5),
-        (["outages", "--help"], 5.5),
+        (["characterize", "--help"], 7.0),
+        (["outages", "--help"], 7.0),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
